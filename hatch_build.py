@@ -2,8 +2,8 @@
 
     HATCH_BUILD_HOOK_ENABLE_CUSTOM=1 python -m build --wheel
 
-Without the variable the wheel is for every platform and has no libraries. ``$HARPY_PIN_WHEEL_ROBOTS``, names with
-spaces between them, chooses robots.
+Without the variable the wheel is for every platform and has no libraries.
+``$HARPY_PIN_WHEEL_ROBOTS``, names with spaces between them, chooses robots.
 """
 
 import os
@@ -27,21 +27,31 @@ sys.exit(not runpy.run_path("tests/support/every_part.py")["use_all"](robots))
 
 
 class WheelWithKernels(BuildHookInterface[Any]):
-    """Compiles before the wheel is packed, with the library itself, in a folder that is gone afterwards."""
+    """Compiles before the wheel is packed, with the library itself, in a folder that is gone
+    afterwards.
+    """
 
     def initialize(self, version: str, build_data: dict[str, Any]) -> None:
         """Compile, and say what the wheel holds besides Python."""
         if version == "editable":
             return
         self.work = tempfile.TemporaryDirectory()
-        known = {"PYTHONPATH": self.root, "HARPY_PIN_CACHE": self.work.name, "HARPY_PIN_FOR_A_WHEEL": "1"}
+        known = {
+            "PYTHONPATH": self.root,
+            "HARPY_PIN_CACHE": self.work.name,
+            "HARPY_PIN_FOR_A_WHEEL": "1",
+        }
         robots = os.environ.get("HARPY_PIN_WHEEL_ROBOTS", "").split()
         command = [sys.executable, "-c", COMPILE, *robots]
         subprocess.run(command, env={**os.environ, **known}, check=True, cwd=self.root)
         made = sorted(Path(self.work.name).glob("*.so"))
-        build_data["force_include"] |= {str(path): f"harpy_pin/kernels/libraries/{path.name}" for path in made}
+        build_data["force_include"] |= {
+            str(path): f"harpy_pin/kernels/libraries/{path.name}" for path in made
+        }
         build_data["pure_python"] = False
-        build_data["tag"] = f"py3-none-{sysconfig.get_platform().replace('-', '_').replace('.', '_')}"
+        build_data["tag"] = (
+            f"py3-none-{sysconfig.get_platform().replace('-', '_').replace('.', '_')}"
+        )
 
     def finalize(self, version: str, build_data: dict[str, Any], artifact_path: str) -> None:
         """Remove the folder."""

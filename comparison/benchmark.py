@@ -17,7 +17,13 @@ from comparison.contenders import CONTENDERS, OWN
 from comparison.measure.timing import Bench, TimingSettings, describe_all_versions, describe_machine
 from comparison.measure.walking import TIMED, record_states, recorded_walk, stage
 from comparison.sections.growth import FACES, time_growth
-from comparison.sections.ticks import WALKS, time_formulations, time_own_walks, time_simulator, time_ticks
+from comparison.sections.ticks import (
+    WALKS,
+    time_formulations,
+    time_own_walks,
+    time_simulator,
+    time_ticks,
+)
 from comparison.sections.timing import time_contenders
 from harpy_pin import checks, measure
 from harpy_pin.files import finite
@@ -27,7 +33,9 @@ FRICTION = 0.25
 """The paper's friction coefficient."""
 
 RECORDED = ("governed", "own search")
-"""Whose walks give the states for the timing. Walks by ProxQP are the same to 1e-8 m, but not to the last digit."""
+"""Whose walks give the states for the timing. Walks by ProxQP are the same to 1e-8 m, but not to
+the last digit.
+"""
 
 PUSHED = {"filter": "governed/filter", "own search": OWN}
 """Whose walks with pushes give the states for the sections on ticks and formulations."""
@@ -43,8 +51,12 @@ class Settings:
     friction: float = FRICTION  # friction coefficient of the walks whose states are timed
     duration: float = 6.0  # of a walk, s
     seed: int = 0  # of the order in which candidates are timed
-    impulse: float = 3.0  # of the pushes during the walks on which every controller's tick is timed, N·s
-    faces: tuple[int, ...] = FACES  # numbers of faces of the friction pyramid, of the section on growth
+    impulse: float = (
+        3.0  # of the pushes during the walks on which every controller's tick is timed, N·s
+    )
+    faces: tuple[int, ...] = (
+        FACES  # numbers of faces of the friction pyramid, of the section on growth
+    )
     timing: TimingSettings = field(default_factory=TimingSettings)  # how to time
     campaign: CampaignSettings = field(default_factory=CampaignSettings)  # its walks
 
@@ -59,18 +71,29 @@ class Settings:
     @classmethod
     def quick(cls, **changes: Any) -> Settings:
         """Shorter walks, fewer repetitions, fewer sizes: to see whether it works, not to quote."""
-        timing, campaign = TimingSettings(repetitions=3, programs=500, samples=30), CampaignSettings(**QUICK)
-        less: dict[str, Any] = {"duration": 2.0, "faces": FACES[:2], "timing": timing, "campaign": campaign}
+        timing, campaign = (
+            TimingSettings(repetitions=3, programs=500, samples=30),
+            CampaignSettings(**QUICK),
+        )
+        less: dict[str, Any] = {
+            "duration": 2.0,
+            "faces": FACES[:2],
+            "timing": timing,
+            "campaign": campaign,
+        }
         return cls(**less | changes)
 
 
 def compare(
-    settings: Settings, progress: Progress = lambda what, done, total: None, *, rows: Path | None = None
+    settings: Settings,
+    progress: Progress = lambda what, done, total: None,
+    *,
+    rows: Path | None = None,
 ) -> dict[str, Any]:
     """Walk, time, check and describe.
 
-    Progress is called between pieces of work, never while the clock runs. The campaign keeps its rows in the file
-    ``rows``, if there is one, and goes on from them.
+    Progress is called between pieces of work, never while the clock runs. The campaign keeps its
+    rows in the file ``rows``, if there is one, and goes on from them.
 
     Returns:
         The document: only dicts, lists, strings, finite numbers and null. Its tables are made in
@@ -81,9 +104,13 @@ def compare(
     how: dict[str, Any] = {"friction": settings.friction, "duration": settings.duration}
 
     def bench(name: str, stream: Sequence[int] | int, pieces: int = timing.repetitions) -> Bench:
-        """What a section needs to time: the friction, and random numbers of its own by their stream."""
+        """What a section needs to time: the friction, and random numbers of its own by their
+        stream.
+        """
         step, rng = stage(progress, name, pieces), np.random.default_rng(stream)
-        return Bench(robot=robot, friction=settings.friction, settings=timing, rng=rng, on_pass=step)
+        return Bench(
+            robot=robot, friction=settings.friction, settings=timing, rng=rng, on_pass=step
+        )
 
     step, runs = stage(progress, "walking", len(TIMED)), {}
     for name in TIMED:  # nothing of these walks is timed: the first ones compile
@@ -102,19 +129,34 @@ def compare(
         "friction": settings.friction,
         "impulse": settings.impulse,
         "contenders": time_ticks(bench("ticks", [settings.seed, 1]), pushed),
-        "own_walks": time_own_walks(bench("own walks", [settings.seed, 2]), settings.impulse, settings.duration),
+        "own_walks": time_own_walks(
+            bench("own walks", [settings.seed, 2]), settings.impulse, settings.duration
+        ),
     }
-    inside_c = [entry["inside_c"] for entry in document["ticks"]["contenders"].values() if "inside_c" in entry]
+    inside_c = [
+        entry["inside_c"]
+        for entry in document["ticks"]["contenders"].values()
+        if "inside_c" in entry
+    ]
     differing = sum(entry["differing"] for entry in inside_c)
-    document["checks"] |= {"differing_inside_c": differing, "passed": document["checks"]["passed"] and not differing}
-    document["formulations"] = time_formulations(bench("formulations", [settings.seed, 3]), pushed[1])
+    document["checks"] |= {
+        "differing_inside_c": differing,
+        "passed": document["checks"]["passed"] and not differing,
+    }
+    document["formulations"] = time_formulations(
+        bench("formulations", [settings.seed, 3]), pushed[1]
+    )
     grows = partial(stage, progress, "growth")
-    document["growth"] = time_growth(robot, timing.repetitions, settings.seed, faces=settings.faces, stage=grows)
+    document["growth"] = time_growth(
+        robot, timing.repetitions, settings.seed, faces=settings.faces, stage=grows
+    )
     whole = bench("simulator", [settings.seed, 4], WALKS * len(CONTENDERS))
     document["simulator"] = time_simulator(whole, duration=min(settings.duration, 4.0))
     with TemporaryDirectory() as folder:  # nothing is timed meanwhile
         kept = rows or Path(folder) / "rows.jsonl"
-        document["campaign"] = run_campaign(settings.campaign, kept, progress=partial(progress, "campaign"))
+        document["campaign"] = run_campaign(
+            settings.campaign, kept, progress=partial(progress, "campaign")
+        )
     states = " and ".join(f"{len(s)} of the walk of '{s.name}'" for s in sequences)
     states += ", each replayed in the order of time by every contender"
     document["settings"] = asdict(settings) | {"states": states}

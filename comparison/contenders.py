@@ -1,4 +1,6 @@
-"""Who is compared, by name; who is tuned: every variant that the paper's text allows; and what the search found."""
+"""Who is compared, by name; who is tuned: every variant that the paper's text allows; and what the
+search found.
+"""
 
 from __future__ import annotations
 
@@ -19,12 +21,16 @@ from harpy_pin.scenario.parts import read_part
 from harpy_pin.wbc import SOLVERS
 
 Point = Mapping[str, Any]
-"""A value for each setting of a space: the factor of a :class:`Range`, the value of a :class:`Choice`."""
+"""A value for each setting of a space: the factor of a :class:`Range`, the value of a
+:class:`Choice`.
+"""
 
 
 @dataclass(frozen=True)
 class Range:
-    """A setting that is searched as a multiple of its published value, uniformly in the logarithm."""
+    """A setting that is searched as a multiple of its published value, uniformly in the
+    logarithm.
+    """
 
     low: float
     high: float
@@ -44,7 +50,8 @@ _GAIN = Range(0.25, 4.0)
 _WEIGHT = Range(0.05, 20.0)
 
 _THRUSTERS: Space = {
-    f"parameters.{name}": _GAIN for name in ("centre.k_pt", "centre.k_dt", "attitude.k_p", "attitude.k_d")
+    f"parameters.{name}": _GAIN
+    for name in ("centre.k_pt", "centre.k_dt", "attitude.k_p", "attitude.k_d")
 }
 _LEGS: Mapping[str, Space] = {
     "pid": {
@@ -70,7 +77,10 @@ _FILTER: Space = {
     "governor_parameters.friction_share": Range(0.5, 1.05),
     "governor_parameters.margin": Range(0.1, 10.0),
     "governor_parameters.contact_damping": _GAIN,
-    **{f"governor_parameters.{name}": _WEIGHT for name in ("linear", "angular", "swing", "thrust", "torque")},
+    **{
+        f"governor_parameters.{name}": _WEIGHT
+        for name in ("linear", "angular", "swing", "thrust", "torque")
+    },
     "governor_parameters.lag": Range(0.25, 8.0),
     "governor_parameters.sliding_speed": _GAIN,
 }
@@ -78,11 +88,16 @@ _WHOLE_BODY: Space = {
     **{f"parameters.{name}": _GAIN for name in ("body", "orientation", "swing", "contact_damping")},
     "parameters.min_normal_force": Range(0.1, 3.0),
     "parameters.limits.friction_share": Range(0.9, 2.5),
-    **{f"parameters.weights.{name}": _WEIGHT for name in ("orientation", "swing", "thrust", "force")},
+    **{
+        f"parameters.weights.{name}": _WEIGHT
+        for name in ("orientation", "swing", "thrust", "force")
+    },
 }
 
 OWN = "wbc/active_set"
-"""The whole-body QP by this library's own search. ``wbc`` is the same program by ProxQP, with the same optimum."""
+"""The whole-body QP by this library's own search. ``wbc`` is the same program by ProxQP, with the
+same optimum.
+"""
 
 OWN_PART: Mapping[str, Any] = {"name": "wbc", "parameters": {"solver": "active_set"}}
 """That controller of a scenario: the QP of studies of walks, not of its solvers."""
@@ -114,11 +129,18 @@ class Variant:
     @property
     def published(self) -> Point:
         """The point of the published settings."""
-        return {path: 1.0 if isinstance(span, Range) else span.values[0] for path, span in self.space.items()}
+        return {
+            path: 1.0 if isinstance(span, Range) else span.values[0]
+            for path, span in self.space.items()
+        }
 
     def settings(self, point: Point) -> dict[str, Any]:
-        """The part as a mapping with the settings of a point; those at their published values are left out."""
-        settings: dict[str, Any] = {key: dict(v) if isinstance(v, Mapping) else v for key, v in self.part.items()}
+        """The part as a mapping with the settings of a point; those at their published values are
+        left out.
+        """
+        settings: dict[str, Any] = {
+            key: dict(v) if isinstance(v, Mapping) else v for key, v in self.part.items()
+        }
         for path, value in point.items():
             if value == self.published[path]:
                 continue
@@ -130,17 +152,25 @@ class Variant:
                 record = getattr(record, group)
             published = getattr(record, name)
             if isinstance(self.space[path], Range):
-                value = [value * x for x in published] if isinstance(published, tuple) else value * published
+                value = (
+                    [value * x for x in published]
+                    if isinstance(published, tuple)
+                    else value * published
+                )
             place[name] = value
         return settings
 
     def controller(self, point: Point, mu: float | None = None) -> ControllerPart:
-        """The controller of a scenario with the settings of a point; it assumes the ground's friction by default."""
+        """The controller of a scenario with the settings of a point; it assumes the ground's
+        friction by default.
+        """
         return read_part(CONTROLLER_PARTS, "controller", {**self.settings(point), "mu": mu})
 
     def _record(self, group: str) -> Any:
         """The published settings of a group."""
-        return _PUBLISHED[self.part["governor"] if group == "governor_parameters" else self.part["name"], group]()
+        return _PUBLISHED[
+            self.part["governor"] if group == "governor_parameters" else self.part["name"], group
+        ]()
 
 
 def _governed(governor: str, legs: str, own: Space, **more: Any) -> Variant:
@@ -165,7 +195,8 @@ VARIANTS: Mapping[str, Variant] = {
 }
 """Contenders that are tuned, by name, in the order in which they are searched.
 
-What is searched are settings of the optimum, whoever finds it: thousands of walks of the QP are by the faster search.
+What is searched are settings of the optimum, whoever finds it: thousands of walks of the QP are by
+the faster search.
 
 Gains that are found without a governor are tried by the governed ones, too.
 """
@@ -188,15 +219,17 @@ def tuned() -> dict[str, Any]:
 
 
 def best_paper() -> str:
-    """The variant of the paper's governor with the least cost on the training walks, by its name."""
+    """The variant of the paper's governor with the least cost on the training walks, by its
+    name.
+    """
     return str(tuned()["best_paper"])
 
 
 def searched(variant: str) -> str:
     """The variant whose search gave the settings of a variant.
 
-    The two whole-body controllers have one optimum, and so one best setting: both have what was found for the one with
-    the least cost on the training walks.
+    The two whole-body controllers have one optimum, and so one best setting: both have what was
+    found for the one with the least cost on the training walks.
     """
     if variant not in WHOLE_BODY:
         return variant
@@ -204,13 +237,17 @@ def searched(variant: str) -> str:
 
 
 BEST = "paper/best"
-"""The paper's governor in the variant, and with the settings, that ``python -m comparison tune`` found best."""
+"""The paper's governor in the variant, and with the settings, that ``python -m comparison tune``
+found best.
+"""
 
 CONTENDERS = (*(f"governed/{name}" for name in GOVERNORS), BEST, "condensed", OWN, "wbc")
 """Controllers and governors to compare, in the order in which they are shown."""
 
 WALKERS = tuple(name for name in CONTENDERS if name != "wbc")
-"""Those of them that differ in more than who solves their program: who walks in studies of walks, not of times."""
+"""Those of them that differ in more than who solves their program: who walks in studies of walks,
+not of times.
+"""
 
 TUNED = tuple(name + end for name in VARIANTS for end in ("", "/tuned"))
 """Every tuned variant with its published settings, and with those that were found."""
@@ -219,15 +256,22 @@ FORCES = f"{OWN}/contact_force"
 """The whole-body QP, stated in the contact forces alone; the section on ticks has it, too."""
 
 TRUSTING = ("condensed/trusting", f"{OWN}/trusting")
-"""Condensed WBC and QP that trust the friction they are told, without an estimate; they walk the wide campaign, too."""
+"""Condensed WBC and QP that trust the friction they are told, without an estimate; they walk the
+wide campaign, too.
+"""
 
 HARSH = (*(name for name in TUNED if not name.startswith("filter/")), "governed/filter", *TRUSTING)
-"""Every tuned variant but the filter's, the filter, and the WBCs without an estimate; they walk the harsh campaign."""
+"""Every tuned variant but the filter's, the filter, and the WBCs without an estimate; they walk the
+harsh campaign.
+"""
 
 LIMITED: dict[str, dict[str, Any]] = {
-    name: {"name": "governed", "governor": name, "limits": True} for name in ("none", "paper", "filter")
+    name: {"name": "governed", "governor": name, "limits": True}
+    for name in ("none", "paper", "filter")
 }
-"""Governed controllers of a scenario with the limits of torque and thrust that the others have, by their governor."""
+"""Governed controllers of a scenario with the limits of torque and thrust that the others have, by
+their governor.
+"""
 
 _LABELS = {
     "governed/none": "no governor",
@@ -263,18 +307,27 @@ def label(contender: str) -> str:
 
 
 def short_name(contender: str) -> str:
-    """A contender's name where eight of them share 80 columns: a governor's own, or the controller's."""
+    """A contender's name where eight of them share 80 columns: a governor's own, or the
+    controller's.
+    """
     if contender in _SHORT:
         return _SHORT[contender]
-    return contender.removeprefix("governed/").replace(OWN, "QP").replace("wbc", "QP").replace("/trusting", ", no est.")
+    return (
+        contender.removeprefix("governed/")
+        .replace(OWN, "QP")
+        .replace("wbc", "QP")
+        .replace("/trusting", ", no est.")
+    )
 
 
 def controller_part(contender: str, mu: float | None = None) -> ControllerPart:
-    """A contender as the controller of a scenario; it assumes the ground's friction coefficient by default.
+    """A contender as the controller of a scenario; it assumes the ground's friction coefficient by
+    default.
 
-    A contender is ``governed`` with a governor (``governed/filter``), or another controller, alone (``wbc``), or with
-    the solver or the formulation of its program (``wbc/active_set/contact_force``), or ``trusting`` the friction it is
-    told; or one of :data:`TUNED`, or :data:`BEST`.
+    A contender is ``governed`` with a governor (``governed/filter``), or another controller, alone
+    (``wbc``), or with the solver or the formulation of its program
+    (``wbc/active_set/contact_force``), or ``trusting`` the friction it is told; or one of
+    :data:`TUNED`, or :data:`BEST`.
     """
     if contender == BEST or contender in TUNED:
         name = best_paper() if contender == BEST else contender

@@ -1,10 +1,12 @@
 """Studies as data on one runner: what is walked, what is measured, and which tables are made of it.
 
-A study lists jobs, each a dict that says all of one walk; ``measure`` walks one and gives what is kept of it (where
-those are the library's own measures, :func:`walking` makes it). A row is both together. Walks that a file has are not
-repeated; many are walked in processes of their own, one for each core.
+A study lists jobs, each a dict that says all of one walk; ``measure`` walks one and gives what is
+kept of it (where those are the library's own measures, :func:`walking` makes it). A row is both
+together. Walks that a file has are not repeated; many are walked in processes of their own, one for
+each core.
 
-A new study is a file of :mod:`comparison.studies` with a ``STUDY``; its command is ``python -m comparison NAME``.
+A new study is a file of :mod:`comparison.studies` with a ``STUDY``; its command is ``python -m
+comparison NAME``.
 """
 
 from __future__ import annotations
@@ -32,8 +34,9 @@ Job = dict[str, Any]
 """What one walk is; JSON can hold it."""
 
 STARTS: dict[str, Any] = {"starts": 1, "jitter": 0.02, "duration": 6.0, "seed": 0}
-"""Settings of studies with several starts of each walk: how many, the standard deviation of the starting velocity
-along x and y, m/s, the duration of a walk, s, and the seed of the starts."""
+"""Settings of studies with several starts of each walk: how many, the standard deviation of the
+starting velocity along x and y, m/s, the duration of a walk, s, and the seed of the starts.
+"""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,25 +44,36 @@ class Study:
     """One question, measured."""
 
     name: str  # of the command and of its source in pages
-    help: str | None  # of the command: a line, an empty line, and the rest; the docstring of the study's file
+    help: (
+        str | None
+    )  # of the command: a line, an empty line, and the rest; the docstring of the study's file
     defaults: Mapping[str, Any]  # settings; a tuple of names holds all that there are
     quick: Mapping[str, Any]  # those that differ in a look
     jobs: Callable[[Any], Iterable[Job]] = lambda settings: ()  # what is walked, from the settings
     # the same of what is measured afterwards, one after the other with nothing beside it
     timed: Callable[[Any], Iterable[Job]] = lambda settings: ()
     measure: Callable[[Job], dict[str, Any]]  # gives the measures of one job; picklable
-    views: Sequence[View | Callable[[Rows], Iterable[Table]]]  # tables of the rows; or what makes tables of them
+    views: Sequence[
+        View | Callable[[Rows], Iterable[Table]]
+    ]  # tables of the rows; or what makes tables of them
     example: str = ""  # of the command's options
     only: str = ""  # the setting that --only chooses from, if there is one
-    draw: Callable[[Any, Rows], None] | None = None  # draws the rows in an empty figure, for --figure
-    options: Mapping[str, str] = field(default_factory=dict)  # settings that are options of the command, and their help
+    draw: Callable[[Any, Rows], None] | None = (
+        None  # draws the rows in an empty figure, for --figure
+    )
+    options: Mapping[str, str] = field(
+        default_factory=dict
+    )  # settings that are options of the command, and their help
 
     def settings(self, *, quick: bool = False, **changes: Any) -> SimpleNamespace:
         """The settings, with changes."""
         for name, value in changes.items():
             checks.one_of("setting", name, self.defaults)
             own = self.defaults[name]
-            signed = any(isinstance(one, float) and one < 0.0 for one in (own if isinstance(own, tuple) else (own,)))
+            signed = any(
+                isinstance(one, float) and one < 0.0
+                for one in (own if isinstance(own, tuple) else (own,))
+            )
             for one in value if isinstance(value, tuple) else (value,):
                 if isinstance(one, str) and isinstance(own, tuple):
                     checks.one_of(name, one, own)
@@ -68,7 +82,12 @@ class Study:
         return SimpleNamespace(**{**self.defaults, **(self.quick if quick else {}), **changes})
 
     def run(
-        self, progress: Progress = silent, *, quick: bool = False, path: Path | None = None, **changes: Any
+        self,
+        progress: Progress = silent,
+        *,
+        quick: bool = False,
+        path: Path | None = None,
+        **changes: Any,
     ) -> Rows:
         """Every row, in the order of the jobs.
 
@@ -80,14 +99,23 @@ class Study:
         """
         settings = self.settings(quick=quick, **changes)
         code = code_digest()
-        jobs, timed = ({f"{code} {job}": job for job in part(settings)} for part in (self.jobs, self.timed))
-        with tempfile.TemporaryDirectory() as folder, Store(path or Path(folder) / "walks") as store:
+        jobs, timed = (
+            {f"{code} {job}": job for job in part(settings)} for part in (self.jobs, self.timed)
+        )
+        with (
+            tempfile.TemporaryDirectory() as folder,
+            Store(path or Path(folder) / "walks") as store,
+        ):
             do_missing(store, jobs | timed, partial(_row, self.measure), progress, alone=timed)
             return [store.rows[key] for key in (*jobs, *timed)]
 
     def tables(self, rows: Rows) -> list[Table]:
         """Every table of the rows."""
-        return [table for view in self.views for table in (view.of(rows) if isinstance(view, View) else view(rows))]
+        return [
+            table
+            for view in self.views
+            for table in (view.of(rows) if isinstance(view, View) else view(rows))
+        ]
 
     @styled
     def figure(self, rows: Rows) -> Any:
@@ -105,8 +133,12 @@ def _row(measure: Callable[[Job], dict[str, Any]], job: Job) -> dict[str, Any]:
 
 
 def grid(**axes: Any) -> Iterator[Job]:
-    """Every combination of these entries; the last one changes first. A number or a text is alone on its axis."""
-    values = [(axis,) if isinstance(axis, str | float | int | None) else axis for axis in axes.values()]
+    """Every combination of these entries; the last one changes first. A number or a text is alone
+    on its axis.
+    """
+    values = [
+        (axis,) if isinstance(axis, str | float | int | None) else axis for axis in axes.values()
+    ]
     return (dict(zip(axes, case, strict=True)) for case in product(*values))
 
 
@@ -131,7 +163,9 @@ def commands(
     least: float,
     most: float,
 ) -> Iterator[tuple[float, float, float, float]]:
-    """Drawn velocities with their times, from ``least`` to ``most`` seconds apart, until a second before the end."""
+    """Drawn velocities with their times, from ``least`` to ``most`` seconds apart, until a second
+    before the end.
+    """
     t = begin
     while t < duration - 1.0:
         yield (t, *draw(rng))
@@ -145,11 +179,15 @@ def kept(run: Run, *names: str) -> dict[str, Any]:
 
 
 def walking(scenario: Callable[[Job], Scenario], *names: str) -> Callable[[Job], dict[str, Any]]:
-    """A study's ``measure`` that walks the scenario of a job, and keeps these of its measures (:func:`kept`)."""
+    """A study's ``measure`` that walks the scenario of a job, and keeps these of its measures
+    (:func:`kept`).
+    """
     return partial(_walked, scenario, names)
 
 
-def _walked(scenario: Callable[[Job], Scenario], names: tuple[str, ...], job: Job) -> dict[str, Any]:
+def _walked(
+    scenario: Callable[[Job], Scenario], names: tuple[str, ...], job: Job
+) -> dict[str, Any]:
     return kept(walk_as_far_as_it_goes(scenario(job)), *names)
 
 
@@ -170,7 +208,8 @@ class View:
     row: Words  # heading of the line in which a row stands, with all others of this heading
     # what is shown of the rows of a line, by the heading of the column, where any line has a value
     columns: Mapping[str, Shown] | Shown
-    # heading of the column in which a row stands, where each column shows the same; what, columns says
+    # heading of the column in which a row stands, where each column shows the same; what, columns
+    # says
     across: Words = ""
     note: str = ""  # below every table
     only: Callable[[dict[str, Any]], bool] = bool  # which rows are shown
@@ -180,12 +219,19 @@ class View:
         groups: dict[str, Rows] = {}
         for row in filter(self.only, rows):
             groups.setdefault(_text(self.name, row), []).append(row)
-        return [Table(name, _text(self.title, same[0]), self._cells(same), self.note) for name, same in groups.items()]
+        return [
+            Table(name, _text(self.title, same[0]), self._cells(same), self.note)
+            for name, same in groups.items()
+        ]
 
     def _cells(self, rows: Rows) -> tuple[Cell, ...]:
         places: dict[tuple[str, str], tuple[Shown, Rows]] = {}
         for row in rows:
-            columns = self.columns if isinstance(self.columns, Mapping) else {_text(self.across, row): self.columns}
+            columns = (
+                self.columns
+                if isinstance(self.columns, Mapping)
+                else {_text(self.across, row): self.columns}
+            )
             for column, what in columns.items():
                 places.setdefault((_text(self.row, row), column), (what, []))[1].append(row)
         cells = [_cell(*place, same, what) for place, (what, same) in places.items()]

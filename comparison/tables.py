@@ -1,4 +1,6 @@
-"""Tables of numbers that page, CSV, terminal and figures share: what is not in a table is not in the report."""
+"""Tables of numbers that page, CSV, terminal and figures share: what is not in a table is not in
+the report.
+"""
 
 from __future__ import annotations
 
@@ -17,7 +19,13 @@ Value = float | int | str | bool | None
 Columns = Mapping[str, tuple[str, str]]
 """Headings and units of columns, by the key under which an entry holds their value."""
 
-PERCENTILES = {"p50_us": "p50", "p95_us": "p95", "p99_us": "p99", "p99_9_us": "p99.9", "max_us": "max"}
+PERCENTILES = {
+    "p50_us": "p50",
+    "p95_us": "p95",
+    "p99_us": "p99",
+    "p99_9_us": "p99.9",
+    "max_us": "max",
+}
 """Column of each percentile of :func:`comparison.measure.timing.summarise`."""
 
 NOT_KNOWN = "–"
@@ -34,7 +42,9 @@ class Cell(NamedTuple):
     column: str
     value: Value
     unit: str = ""  # of the value, empty for counts, shares and text
-    low: float | None = None  # lower end of its spread, where it has one (the table says which spread)
+    low: float | None = (
+        None  # lower end of its spread, where it has one (the table says which spread)
+    )
     high: float | None = None  # upper end
 
 
@@ -68,11 +78,17 @@ class Table:
     def number(self, row: str, column: str) -> float:
         """The number at a place; NaN where there is none."""
         cell = self.get(row, column)
-        return float(cell.value) if cell is not None and isinstance(cell.value, float | int) else float("nan")
+        return (
+            float(cell.value)
+            if cell is not None and isinstance(cell.value, float | int)
+            else float("nan")
+        )
 
     @property
     def text(self) -> pd.DataFrame:
-        """Every cell as readers see it; units stand in the columns' names unless the title says the only one."""
+        """Every cell as readers see it; units stand in the columns' names unless the title says the
+        only one.
+        """
         import pandas as pd
 
         units = {cell.column: cell.unit for cell in self.cells}
@@ -96,7 +112,9 @@ class Table:
 
 
 def in_columns(row: str, entry: Mapping[str, Any], columns: Columns) -> list[Cell]:
-    """The values of an entry in these columns, or each ``value`` between ``low`` and ``high``; None is not known."""
+    """The values of an entry in these columns, or each ``value`` between ``low`` and ``high``; None
+    is not known.
+    """
     cells = []
     for key, (heading, unit) in columns.items():
         value, low, high = entry.get(key), None, None
@@ -107,9 +125,13 @@ def in_columns(row: str, entry: Mapping[str, Any], columns: Columns) -> list[Cel
 
 
 def percentiles(row: str, times: Mapping[str, Any]) -> list[Cell]:
-    """Cells of the percentiles of a summary, the median between those of the repetitions where it has them."""
+    """Cells of the percentiles of a summary, the median between those of the repetitions where it
+    has them.
+    """
     spread = {"p50_us": (times.get("low_us"), times.get("high_us"))}
-    return [Cell(row, name, times[key], "µs", *spread.get(key, ())) for key, name in PERCENTILES.items()]
+    return [
+        Cell(row, name, times[key], "µs", *spread.get(key, ())) for key, name in PERCENTILES.items()
+    ]
 
 
 def cell_text(cell: Cell | None) -> str:

@@ -1,8 +1,8 @@
 """What becomes a page of the site: README, changelog, examples and notebooks; links lead to them.
 
-The Markdown files stay as they read well in the repository; their links are turned into the site's here, their
-formulas, which GitHub draws from fences named ``math``, into MathML, which browsers draw without a script, and the
-indices of symbols in sentences, such as u_gz, into subscripts.
+The Markdown files stay as they read well in the repository; their links are turned into the site's
+here, their formulas, which GitHub draws from fences named ``math``, into MathML, which browsers
+draw without a script, and the indices of symbols in sentences, such as u_gz, into subscripts.
 """
 
 from __future__ import annotations
@@ -20,12 +20,18 @@ from mkdocs.structure.pages import Page
 
 DOCS = Path(__file__).resolve().parent
 ROOT = DOCS.parent
-PAGES = {"README.md": "index.md", "CHANGELOG.md": "changelog.md", "CONTRIBUTING.md": "contributing.md"}
+PAGES = {
+    "README.md": "index.md",
+    "CHANGELOG.md": "changelog.md",
+    "CONTRIBUTING.md": "contributing.md",
+}
 """Files at the top of the repository, and the pages that they become."""
 EXAMPLES = "examples.md"
 _LINK = re.compile(r"\[(?P<text>[^]\n]*)\]\((?P<path>[^)\s#]+)(?P<anchor>#[^)\s]*)?\)")
 _APART = re.compile(r"(<(?P<tag>a|code|pre|math|script|style)\b.*?</(?P=tag)>|<[^>]+>)", re.S)
-"""Parts of a page that are not sentences: tags, and all of elements in which an underscore is itself."""
+"""Parts of a page that are not sentences: tags, and all of elements in which an underscore is
+itself.
+"""
 _SYMBOL = re.compile(
     r"(?<![\w/.])((?:[^\W\d_][\u0300-\u036f]?){1,2}|‖²)_([A-Za-z0-9]{1,5}(?:,[a-z](?![a-z]))?|⊥)(?![A-Za-z0-9_])"
 )
@@ -33,7 +39,9 @@ _SYMBOL = re.compile(
 
 def on_config(config: MkDocsConfig) -> MkDocsConfig:
     """Make MathML of every fence named ``math``."""
-    fences = config.mdx_configs.setdefault("pymdownx.superfences", {}).setdefault("custom_fences", [])
+    fences = config.mdx_configs.setdefault("pymdownx.superfences", {}).setdefault(
+        "custom_fences", []
+    )
     fences.append({"name": "math", "class": "math", "format": formula})
     return config
 
@@ -59,7 +67,9 @@ def notebook(path: Path) -> str:
     cells = json.loads(path.read_text())["cells"]
     texts = ["".join(cell["source"]) for cell in cells]
     fences = {"markdown": "{}", "code": "```python\n{}\n```"}
-    title, *rest = (fences[cell["cell_type"]].format(text) for cell, text in zip(cells, texts, strict=True))
+    title, *rest = (
+        fences[cell["cell_type"]].format(text) for cell, text in zip(cells, texts, strict=True)
+    )
     name = f'<a href="{path.name}" download>Download the notebook</a>'
     return "\n\n".join([title, f"{name}; here it is without its output.", *rest]) + "\n"
 
@@ -73,7 +83,9 @@ def examples() -> str:
 
 
 def on_page_content(html: str, page: Page, config: MkDocsConfig, files: Files) -> str:
-    """Set the indices of symbols below the line, but in the reference, whose names have underscores, too."""
+    """Set the indices of symbols below the line, but in the reference, whose names have
+    underscores, too.
+    """
     if page.file.src_uri.startswith("reference/"):
         return html
     parts, end = [], 0
@@ -84,7 +96,9 @@ def on_page_content(html: str, page: Page, config: MkDocsConfig, files: Files) -
 
 
 def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Files) -> str:
-    """Turn links within the repository into links within the site; source files are named only, as it has none."""
+    """Turn links within the repository into links within the site; source files are named only, as
+    it has none.
+    """
     uri = page.file.src_uri
     generated = {page: ROOT / name for name, page in PAGES.items()}
     folder = generated.get(uri, DOCS / uri).parent

@@ -1,4 +1,6 @@
-"""Docstrings have Sphinx' roles, such as ``:class:`~harpy_pin.Run```; the site shows them as links."""
+"""Docstrings have Sphinx' roles, such as ``:class:`~harpy_pin.Run```; the site shows them as
+links.
+"""
 
 from __future__ import annotations
 

@@ -1,7 +1,8 @@
-"""Contact-force governors and whole-body controllers for legged robots with thrusters, such as Harpy, on Pinocchio.
+"""Contact-force governors and whole-body controllers for legged robots with thrusters, such as
+Harpy, on Pinocchio.
 
-The names that ``__init__.pyi`` lists are imported when they are first used, so that ``import harpy_pin`` costs next to
-nothing.
+The names that ``__init__.pyi`` lists are imported when they are first used, so that ``import
+harpy_pin`` costs next to nothing.
 """
 
 import lazy_loader

@@ -4,7 +4,16 @@ from . import controllers, gaits, governors, ground, log, model, scenario, simul
 from .controllers import CondensedController, WholeBodyController, make_controller
 from .errors import ControlError, HarpyError, InputError, Interrupted, RobotError, RunFileError
 from .estimation import Estimator, Imu, Readings
-from .gaits import Gait, GaitTarget, Hovering, OnTerrain, Standing, WalkingGait, make_commanded_gait, make_gait
+from .gaits import (
+    Gait,
+    GaitTarget,
+    Hovering,
+    OnTerrain,
+    Standing,
+    WalkingGait,
+    make_commanded_gait,
+    make_gait,
+)
 from .governors import ContactForceFilter, ContactForceFilterParameters, ExplicitReferenceGovernor
 from .ground.ground import Ground
 from .log.measures import measure

@@ -1,4 +1,6 @@
-"""The ``harpy`` command: it imports next to nothing at first, so that a signal meets no half-imported module."""
+"""The ``harpy`` command: it imports next to nothing at first, so that a signal meets no
+half-imported module.
+"""
 
 from harpy_pin.cli.signals import leave_at_signals
 

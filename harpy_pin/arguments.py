@@ -1,6 +1,8 @@
-"""Arguments are what their annotations say: a decorator of functions that are not called in every tick.
+"""Arguments are what their annotations say: a decorator of functions that are not called in every
+tick.
 
-It sees to kinds only, such as a robot, a number, a mapping. Ranges and shapes are for the function itself.
+It sees to kinds only, such as a robot, a number, a mapping. Ranges and shapes are for the function
+itself.
 """
 
 from __future__ import annotations
@@ -41,9 +43,9 @@ class _Kind(NamedTuple):
 def checked(function: Callable[_P, _T]) -> Callable[_P, _T]:
     """Refuse arguments of another kind than the annotations say, before the function is called.
 
-    An annotation that this module does not know, or that exists for type checkers only, allows everything. A protocol
-    asks for its public members. What is refused is an :class:`InputError`. A ``staticmethod`` or ``classmethod`` around
-    the function comes outside.
+    An annotation that this module does not know, or that exists for type checkers only, allows
+    everything. A protocol asks for its public members. What is refused is an :class:`InputError`. A
+    ``staticmethod`` or ``classmethod`` around the function comes outside.
     """
     names = tuple(inspect.signature(function).parameters)
 
@@ -69,7 +71,10 @@ def _kinds(function: Callable[..., Any]) -> dict[str, _Kind]:
         except (NameError, AttributeError, SyntaxError):  # for type checkers only
             continue
         kind = _kind(annotation)
-        if kind is not None and parameter.kind not in (parameter.VAR_POSITIONAL, parameter.VAR_KEYWORD):
+        if kind is not None and parameter.kind not in (
+            parameter.VAR_POSITIONAL,
+            parameter.VAR_KEYWORD,
+        ):
             found[name] = kind
     return found
 
@@ -84,7 +89,9 @@ def _kind(annotation: Any) -> _Kind | None:
     if origin in (Union, types.UnionType):
         return _any_of(parts)
     if origin is Literal:
-        return _Kind(" or ".join(map(repr, parts)), lambda value: isinstance(value, str) and value in parts)
+        return _Kind(
+            " or ".join(map(repr, parts)), lambda value: isinstance(value, str) and value in parts
+        )
     if origin is tuple and parts and all(part is float for part in parts):
         return _Kind(f"{len(parts)} numbers", lambda value: _has_numbers(value, (len(parts),)))
     if origin is np.ndarray:
@@ -109,11 +116,15 @@ def _object(annotation: Any) -> _Kind | None:
     if not getattr(annotation, "_is_protocol", False):
         return _Kind(f"a {annotation.__name__}", lambda value: isinstance(value, annotation))
     parents = [parent for parent in annotation.__mro__ if getattr(parent, "_is_protocol", False)]
-    members = dict.fromkeys(name for parent in parents for name in (*inspect.get_annotations(parent), *vars(parent)))
+    members = dict.fromkeys(
+        name for parent in parents for name in (*inspect.get_annotations(parent), *vars(parent))
+    )
     desired = tuple(name for name in members if not name.startswith("_"))
     words = f"a {annotation.__name__} with {', '.join(desired)}"
     return _Kind(
-        words, lambda value: not inspect.isclass(value) and all(hasattr(value, name) for name in desired), desired
+        words,
+        lambda value: not inspect.isclass(value) and all(hasattr(value, name) for name in desired),
+        desired,
     )
 
 
@@ -144,12 +155,16 @@ def _has_numbers(value: Any, shape: tuple[int, ...] | None) -> bool:
 
 
 _ARRAY = _Kind("an array of numbers", lambda value: _has_numbers(value, None))
-_RECORD = _Kind("a record", lambda value: isinstance(value, np.ndarray) and value.dtype.names is not None)
+_RECORD = _Kind(
+    "a record", lambda value: isinstance(value, np.ndarray) and value.dtype.names is not None
+)
 _PATH = _Kind("a path", lambda value: isinstance(value, str | PathLike))
 _SIMPLE: dict[Any, _Kind] = {
     float: _Kind("a number", _is_number),
     int: _Kind("a whole number", _is_whole),
-    bool: _Kind("True or False", lambda value: isinstance(value, int | np.bool_) and value in (0, 1)),
+    bool: _Kind(
+        "True or False", lambda value: isinstance(value, int | np.bool_) and value in (0, 1)
+    ),
     str: _Kind("a name", lambda value: isinstance(value, str)),
     types.NoneType: _Kind("None", lambda value: value is None),
     PathLike: _PATH,
@@ -157,6 +172,9 @@ _SIMPLE: dict[Any, _Kind] = {
     Callable: _Kind("a function", callable),
     Mapping: _Kind("a mapping", lambda value: isinstance(value, Mapping)),
     dict: _Kind("a mapping", lambda value: isinstance(value, Mapping)),
-    Sequence: _Kind("a sequence", lambda value: isinstance(value, Sequence) and not isinstance(value, str | bytes)),
+    Sequence: _Kind(
+        "a sequence",
+        lambda value: isinstance(value, Sequence) and not isinstance(value, str | bytes),
+    ),
 }
 """Annotations without parameters, and origins of those with some."""

@@ -1,4 +1,6 @@
-"""Input checks shared by the constructors: each returns what it checked, or raises :class:`InputError`."""
+"""Input checks shared by the constructors: each returns what it checked, or raises
+:class:`InputError`.
+"""
 
 from __future__ import annotations
 
@@ -21,14 +23,18 @@ MAX_TICKS = 10_000_000  # most ticks of a run, whose log is kept in memory
 MAX_FRICTION = 10.0  # coefficient of friction that no pair of materials comes near
 
 
-def number(name: str, value: Any, *, low: float = -math.inf, high: float = math.inf, strict: bool = False) -> float:
+def number(
+    name: str, value: Any, *, low: float = -math.inf, high: float = math.inf, strict: bool = False
+) -> float:
     """A finite number within [low, high] (``strict``: above ``low``), as a float."""
     try:
         if isinstance(value, str | bytes):
             raise TypeError
         result = float(value)
     except (TypeError, ValueError, OverflowError):
-        raise InputError(f"{name} must be a number, got {shown(value)}", name=name, value=value) from None
+        raise InputError(
+            f"{name} must be a number, got {shown(value)}", name=name, value=value
+        ) from None
     below = result <= low if strict else result < low
     if not math.isfinite(result) or below or result > high:
         bounds = []
@@ -41,7 +47,9 @@ def number(name: str, value: Any, *, low: float = -math.inf, high: float = math.
     return result
 
 
-def numbers(holder: Any, *names: str, low: float = -math.inf, high: float = math.inf, strict: bool = False) -> None:
+def numbers(
+    holder: Any, *names: str, low: float = -math.inf, high: float = math.inf, strict: bool = False
+) -> None:
     """Attributes that must be numbers, see :func:`number`."""
     for name in names:
         number(name, getattr(holder, name), low=low, high=high, strict=strict)
@@ -54,35 +62,49 @@ def keep(holder: Any, **values: Any) -> None:
 
 
 def multiple(name: str, value: float, of: str, unit: float, *, low: int = 1) -> int:
-    """How many times a time ``unit`` fits into the time ``value``, s; at least ``low`` times, and a whole number.
+    """How many times a time ``unit`` fits into the time ``value``, s; at least ``low`` times, and a
+    whole number.
 
     Messages call the unit ``of``.
     """
     count = round(min(value / unit, MAX_TICKS))
     if count < low or abs(count * unit - value) > 1e-9:
-        raise InputError(f"{name} {value:g} s must be a multiple of the {of} {unit:g} s", name=name, value=value)
+        raise InputError(
+            f"{name} {value:g} s must be a multiple of the {of} {unit:g} s", name=name, value=value
+        )
     return count
 
 
 def ticks(duration: float, period: float) -> int:
     """How many periods there are in a duration, at least one and at most :data:`MAX_TICKS`."""
     if duration > MAX_TICKS * period:
-        raise InputError(f"duration {duration:g} s is more than {MAX_TICKS} periods of {period:g} s", name="duration")
+        raise InputError(
+            f"duration {duration:g} s is more than {MAX_TICKS} periods of {period:g} s",
+            name="duration",
+        )
     return max(round(duration / period), 1)
 
 
 def whole(name: str, value: Any, *, low: int = 0, high: float = math.inf) -> int:
     """A whole number within [low, high], as an int."""
-    if isinstance(value, bool) or not isinstance(value, int | np.integer) or not low <= value <= high:
+    if (
+        isinstance(value, bool)
+        or not isinstance(value, int | np.integer)
+        or not low <= value <= high
+    ):
         bounds = f"≥ {low}" if high == math.inf else f"≥ {low} and ≤ {high}"
-        raise InputError(f"{name} must be a whole number {bounds}, got {shown(value)}", name=name, value=value)
+        raise InputError(
+            f"{name} must be a whole number {bounds}, got {shown(value)}", name=name, value=value
+        )
     return int(value)
 
 
 def instance(name: str, value: Any, kind: type[_Kind]) -> _Kind:
     """An object of a class."""
     if not isinstance(value, kind):
-        raise InputError(f"{name} must be a {kind.__name__}, got {shown(value)}", name=name, value=value)
+        raise InputError(
+            f"{name} must be a {kind.__name__}, got {shown(value)}", name=name, value=value
+        )
     return value
 
 
@@ -94,7 +116,9 @@ def mapping(name: str, value: Any) -> Mapping[str, Any]:
 
 
 def function(name: str, value: Any, arguments: int | None = None) -> None:
-    """Refuse what cannot be called, or not with so many arguments; None is no function that was given."""
+    """Refuse what cannot be called, or not with so many arguments; None is no function that was
+    given.
+    """
     if value is not None and not callable(value):
         raise InputError(f"{name} must be a function, got {shown(value)}", name=name, value=value)
     if value is None or arguments is None:
@@ -104,7 +128,10 @@ def function(name: str, value: Any, arguments: int | None = None) -> None:
     except ValueError:  # of a function in C, which says nothing of its arguments
         return
     except TypeError:
-        message = f"{name} must be a function of {arguments} argument{'s' * (arguments > 1)}, got {shown(value)}"
+        message = (
+            f"{name} must be a function of {arguments} argument{'s' * (arguments > 1)}, got "
+            f"{shown(value)}"
+        )
         raise InputError(message, name=name, value=value) from None
 
 
@@ -121,36 +148,56 @@ def path(name: str, value: Any) -> Path:
 
 def names(name: str, value: Any) -> tuple[str, ...]:
     """Names of parts of a robot; one name alone is not taken for its letters."""
-    if not isinstance(value, Sequence) or not all(isinstance(entry, str) and entry.isprintable() for entry in value):
-        raise InputError(f"{name} must be a tuple of names, got {shown(value)}", name=name, value=value)
+    if not isinstance(value, Sequence) or not all(
+        isinstance(entry, str) and entry.isprintable() for entry in value
+    ):
+        raise InputError(
+            f"{name} must be a tuple of names, got {shown(value)}", name=name, value=value
+        )
     if isinstance(value, str):
-        raise InputError(f"{name} must be a tuple of names, got the name {shown(value)} alone", name=name, value=value)
+        raise InputError(
+            f"{name} must be a tuple of names, got the name {shown(value)} alone",
+            name=name,
+            value=value,
+        )
     return tuple(value)
 
 
 def one_of(kind: str, value: object, valid: Iterable[str], *, hint: str = "") -> None:
-    """Refuse a name that is not one of ``valid``, which messages list; a hint says what else may have been meant."""
+    """Refuse a name that is not one of ``valid``, which messages list; a hint says what else may
+    have been meant.
+    """
     names = tuple(valid)
     if not isinstance(value, str) or value not in names:
         raise InputError.unknown(kind, value, names, hint)
 
 
 def array(name: str, value: ArrayLike, shape: int | tuple[int, ...] | None) -> NDArray[np.float64]:
-    """A float64 array of the given shape, or of any (a copy, in C order); entries may be NaN, and masked ones are."""
+    """A float64 array of the given shape, or of any (a copy, in C order); entries may be NaN, and
+    masked ones are.
+    """
     desired = (shape,) if isinstance(shape, int) else shape
     try:
         given = np.asarray(value)
         if given.dtype.kind in "USMm":
             raise TypeError
-        if type(value) is not np.ndarray and isinstance(value, np.ma.MaskedArray) and given.dtype.kind in "fiub":
+        if (
+            type(value) is not np.ndarray
+            and isinstance(value, np.ma.MaskedArray)
+            and given.dtype.kind in "fiub"
+        ):
             given = np.where(np.ma.getmaskarray(value), np.nan, given)
         result = None if np.iscomplexobj(given) else np.array(given, dtype=np.float64, order="C")
     except (TypeError, OverflowError, ValueError):
-        raise InputError(f"{name} must be an array of numbers, got {shown(value)}", name=name, value=value) from None
+        raise InputError(
+            f"{name} must be an array of numbers, got {shown(value)}", name=name, value=value
+        ) from None
     if result is None:
         raise InputError(f"{name} must be real numbers, got {shown(value)}", name=name, value=value)
     if desired is not None and result.shape != desired:
-        raise InputError(f"{name} must have shape {desired}, got {result.shape}", name=name, value=value)
+        raise InputError(
+            f"{name} must have shape {desired}, got {result.shape}", name=name, value=value
+        )
     return result
 
 
@@ -158,7 +205,9 @@ def vector(name: str, value: ArrayLike, shape: int | tuple[int, ...]) -> NDArray
     """A finite float64 array of the given shape (a copy, in C order)."""
     result = array(name, value, shape)
     if not np.all(np.isfinite(result)):
-        raise InputError(f"{name} must be finite, got {shown(result.tolist())}", name=name, value=value)
+        raise InputError(
+            f"{name} must be finite, got {shown(result.tolist())}", name=name, value=value
+        )
     return result
 
 
@@ -167,5 +216,7 @@ def gains(name: str, value: ArrayLike, size: int = 3) -> NDArray[np.float64]:
     given = array(name, value, None)
     result = vector(name, np.full(size, given) if given.ndim == 0 else given, size)
     if np.any(result < 0.0):
-        raise InputError(f"{name} must not be negative, got {shown(result.tolist())}", name=name, value=value)
+        raise InputError(
+            f"{name} must not be negative, got {shown(result.tolist())}", name=name, value=value
+        )
     return result

@@ -12,7 +12,9 @@ MAX_NAME = 60  # characters of a name that are compared with those there are
 
 
 def shown(value: object, length: int = 60) -> str:
-    """A value as messages show it: on one line, and cut where it is long; its type where it cannot be shown."""
+    """A value as messages show it: on one line, and cut where it is long; its type where it cannot
+    be shown.
+    """
     try:
         text = " ".join(repr(value).split())
     except Exception:  # a whole number of too many digits, or an object of a stranger
@@ -22,11 +24,17 @@ def shown(value: object, length: int = 60) -> str:
 
 def reason(error: Exception) -> str:
     """An error in words: its message, and of an error that is not ours its type."""
-    return str(error) if isinstance(error, HarpyError) else f"{type(error).__name__}: {error}".removesuffix(": ")
+    return (
+        str(error)
+        if isinstance(error, HarpyError)
+        else f"{type(error).__name__}: {error}".removesuffix(": ")
+    )
 
 
 class HarpyError(Exception):
-    """Base of every exception raised by this library; what is given by name becomes an attribute."""
+    """Base of every exception raised by this library; what is given by name becomes an
+    attribute.
+    """
 
     def __init__(self, message: str, **evidence: Any) -> None:
         super().__init__(message)
@@ -51,7 +59,8 @@ class InputError(HarpyError, ValueError):
 
     @classmethod
     def unknown(cls, kind: str, value: object, valid: Iterable[str], hint: str = "") -> InputError:
-        """Error for a name that is not one of ``valid``; lists the valid ones, and says which one is near.
+        """Error for a name that is not one of ``valid``; lists the valid ones, and says which one
+        is near.
 
         Args:
             kind: of thing that was asked for, in words: ``"robot"``.
@@ -63,12 +72,20 @@ class InputError(HarpyError, ValueError):
         message = f"unknown {kind} {shown(value)}; valid names: {', '.join(known)}"
         if hint:
             return cls(f"{message}; {hint}", name=kind, value=value)
-        near = get_close_matches(value[:MAX_NAME].lower(), known, n=1, cutoff=0.6) if isinstance(value, str) else []
-        return cls(f"{message}; did you mean '{near[0]}'?" if near else message, name=kind, value=value)
+        near = (
+            get_close_matches(value[:MAX_NAME].lower(), known, n=1, cutoff=0.6)
+            if isinstance(value, str)
+            else []
+        )
+        return cls(
+            f"{message}; did you mean '{near[0]}'?" if near else message, name=kind, value=value
+        )
 
 
 class KernelError(HarpyError, TypeError):
-    """A function leaves the language of kernels, at the place that the message names; or a call has other arguments."""
+    """A function leaves the language of kernels, at the place that the message names; or a call has
+    other arguments.
+    """
 
 
 class RobotError(HarpyError):
@@ -145,5 +162,12 @@ def install_line(extra: str) -> str:
     clone = Path(__file__).resolve().parents[1]
     if (clone / "constraints.txt").is_file():
         return f'pip install -e "{"." if clone == Path.cwd() else clone}[{extra}]"'
-    lines = [f"harpy-pin[{extra}]; extra == '{extra}'"] if PUBLISHED else requires("harpy-pin") or ()
-    return " ".join(["pip install", *(f'"{r.split(";")[0].strip()}"' for r in lines if f"extra == '{extra}'" in r)])
+    lines = (
+        [f"harpy-pin[{extra}]; extra == '{extra}'"] if PUBLISHED else requires("harpy-pin") or ()
+    )
+    return " ".join(
+        [
+            "pip install",
+            *(f'"{r.split(";")[0].strip()}"' for r in lines if f"extra == '{extra}'" in r),
+        ]
+    )

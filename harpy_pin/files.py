@@ -1,4 +1,6 @@
-"""Writing files so that nothing is lost: found unwritable before the work, replaced only when whole."""
+"""Writing files so that nothing is lost: found unwritable before the work, replaced only when
+whole.
+"""
 
 from __future__ import annotations
 
@@ -66,7 +68,9 @@ def check_writable(path: str | Path) -> None:
             return
         real = Path(os.path.realpath(target))
         if not real.parent.is_dir():
-            raise RunFileError(f"cannot write '{target}': there is no folder '{real.parent}'", path=target)
+            raise RunFileError(
+                f"cannot write '{target}': there is no folder '{real.parent}'", path=target
+            )
         with tempfile.TemporaryFile(dir=real.parent):
             pass
         if real.is_symlink():
@@ -79,12 +83,16 @@ def check_writable(path: str | Path) -> None:
 
 
 def check_outputs(
-    outputs: Mapping[str, str | Path | None], *, inputs: Mapping[str, str | Path | None] | None = None
+    outputs: Mapping[str, str | Path | None],
+    *,
+    inputs: Mapping[str, str | Path | None] | None = None,
 ) -> None:
-    """Make sure that all files of a command can be written, and that no two of them are one, links included.
+    """Make sure that all files of a command can be written, and that no two of them are one, links
+    included.
 
     Args:
-        outputs: by what the user calls them, such as ``--save``; those that were not asked for are None.
+        outputs: by what the user calls them, such as ``--save``; those that were not asked for are
+            None.
         inputs: files that no output may take the place of.
 
     Raises:
@@ -102,7 +110,9 @@ def check_outputs(
         found = os.stat(path) if os.path.exists(path) else None
         key = os.path.realpath(path) if found is None else (found.st_dev, found.st_ino)
         if name in outputs and key in seen:
-            raise InputError(f"{seen[key]} and {name} are the same file '{path}'", name=name, value=path)
+            raise InputError(
+                f"{seen[key]} and {name} are the same file '{path}'", name=name, value=path
+            )
         seen[key] = name
 
 
@@ -110,8 +120,8 @@ def check_outputs(
 def replacing(path: str | Path) -> Iterator[IO[bytes]]:
     """A binary file that takes the place of ``path`` once the block ends without an exception.
 
-    A symbolic link is followed, and the permissions of an older file are kept. Ctrl-C waits until the file is in
-    place. A device or a pipe is written to as it is.
+    A symbolic link is followed, and the permissions of an older file are kept. Ctrl-C waits until
+    the file is in place. A device or a pipe is written to as it is.
 
     Raises:
         RunFileError: the file cannot be written.
@@ -129,7 +139,9 @@ def replacing(path: str | Path) -> Iterator[IO[bytes]]:
         with Shield(saving=True):
             temporary = real.parent / f".harpy-{secrets.token_hex(8)}.part"
             flags = os.O_RDWR | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0)
-            with os.fdopen(os.open(temporary, flags, 0o666 if mode is None else mode), "w+b") as file:
+            with os.fdopen(
+                os.open(temporary, flags, 0o666 if mode is None else mode), "w+b"
+            ) as file:
                 yield file
                 file.flush()
                 os.fsync(file.fileno())
@@ -197,8 +209,9 @@ def _list(files: Iterable[tuple[str, str]]) -> str:
 class OwnFolder:
     """A folder for files of this library, in which nobody else's are touched.
 
-    It is new or empty, or has the file :data:`LIST`, which lists what was written there with its checksum, so that
-    ``sha256sum -c`` reads it. Only what is as it was written is replaced. Links in it are not followed.
+    It is new or empty, or has the file :data:`LIST`, which lists what was written there with its
+    checksum, so that ``sha256sum -c`` reads it. Only what is as it was written is replaced. Links
+    in it are not followed.
 
     Args:
         path: made if it is not there.
@@ -214,15 +227,23 @@ class OwnFolder:
     def __init__(self, path: str | Path, *, force: bool = False) -> None:
         text = str(path)
         if text in ("", "-") or not text.isprintable():
-            raise InputError(f"a folder needs a name of printable characters, got {shown(text)}", value=path)
+            raise InputError(
+                f"a folder needs a name of printable characters, got {shown(text)}", value=path
+            )
         self.path, self.force = Path(path), force
         with self._explained():
             if os.path.lexists(path) and not self.path.is_dir():
                 self._refuse("it is no folder")
             self.path.mkdir(parents=True, exist_ok=True)
-            names = {entry.name for entry in self.path.iterdir() if not re.fullmatch(r"\.harpy-\w+\.part", entry.name)}
+            names = {
+                entry.name
+                for entry in self.path.iterdir()
+                if not re.fullmatch(r"\.harpy-\w+\.part", entry.name)
+            }
             if names and self.LIST not in names and not force:
-                self._refuse("it has files that were not written here: give another folder, or --force")
+                self._refuse(
+                    "it has files that were not written here: give another folder, or --force"
+                )
         self.write({})
 
     def place(self, name: str) -> Path:
@@ -245,9 +266,12 @@ class OwnFolder:
             files: contents by names, which may have one folder before them.
 
         Raises:
-            RunFileError: a file of this name was not written here, was changed, or cannot be written.
+            RunFileError: a file of this name was not written here, was changed, or cannot be
+                written.
         """
-        contents = {name: data.encode() if isinstance(data, str) else data for name, data in files.items()}
+        contents = {
+            name: data.encode() if isinstance(data, str) else data for name, data in files.items()
+        }
         listed: set[tuple[str, str]] = set()
         with self._explained():
             if (listing := self.place(self.LIST)).exists():
@@ -257,7 +281,11 @@ class OwnFolder:
                     self._refuse(f"'{listing}' was not written here: see --force")
             for name in contents:
                 path = self.place(name)
-                if path.exists() and not self.force and (_checksum(path.read_bytes()), name) not in listed:
+                if (
+                    path.exists()
+                    and not self.force
+                    and (_checksum(path.read_bytes()), name) not in listed
+                ):
                     self._refuse(f"'{path}' has changed, or was not written here: see --force")
             made = {(_checksum(data), name) for name, data in contents.items()}
             before = {(checksum, name) for checksum, name in listed if name not in contents}
@@ -275,7 +303,9 @@ class OwnFolder:
         try:
             yield
         except OSError as error:
-            raise RunFileError(f"cannot write into '{self.path}': {_reason(error)}", path=self.path) from error
+            raise RunFileError(
+                f"cannot write into '{self.path}': {_reason(error)}", path=self.path
+            ) from error
 
 
 class Shield:
@@ -295,8 +325,8 @@ class Shield:
 
     Attributes:
         saving: whether signals wait; set by the first one that ends the work.
-        late: the signal that waits; set it to None to forget it. An interruption that is on its way out of the block
-            forgets it, too.
+        late: the signal that waits; set it to None to forget it. An interruption that is on its way
+            out of the block forgets it, too.
         waited: the signals that have waited so far, of all shields: for the exit code of a command.
     """
 
@@ -329,7 +359,9 @@ class Shield:
 
     @contextmanager
     def whole(self) -> Iterator[None]:
-        """A piece of the work that no signal cuts in two: one that comes meanwhile is received at its end."""
+        """A piece of the work that no signal cuts in two: one that comes meanwhile is received at
+        its end.
+        """
         before, self.saving = self.saving, True
         try:
             yield
@@ -348,7 +380,8 @@ class Shield:
 
 @contextmanager
 def without_interrupts() -> Iterator[None]:
-    """Processes and threads that are started within take no Ctrl-C, which a terminal sends to all processes.
+    """Processes and threads that are started within take no Ctrl-C, which a terminal sends to all
+    processes.
 
     One that comes meanwhile waits until the end of the block. Does nothing outside the main thread.
     """
@@ -358,7 +391,9 @@ def without_interrupts() -> Iterator[None]:
     resource_tracker.ensure_running()  # starting it would let them through
     before, noted = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT}), list[int]()
     handler = signal.getsignal(signal.SIGINT)
-    if callable(handler):  # another thread, which does not block it, would have it handled in this one
+    if callable(
+        handler
+    ):  # another thread, which does not block it, would have it handled in this one
         signal.signal(signal.SIGINT, lambda number, frame: noted.append(number))
     try:
         yield

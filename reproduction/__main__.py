@@ -12,4 +12,6 @@ if __name__ == "__main__":
     except ModuleNotFoundError as error:
         if error.name is None or error.name.startswith(("reproduction", "harpy_pin")):
             raise
-        raise SystemExit(f"error: the report needs '{error.name}': {install_line('compare')}") from None
+        raise SystemExit(
+            f"error: the report needs '{error.name}': {install_line('compare')}"
+        ) from None

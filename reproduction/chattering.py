@@ -20,9 +20,11 @@ class Chattering(NamedTuple):
 
 
 def chattering(signal: Vector, *, period: float) -> Chattering:
-    """That of a signal (n,) or (n, components), two samples at least, with a period between them, s.
+    """That of a signal (n,) or (n, components), two samples at least, with a period between them,
+    s.
 
-    Increments smaller than 1e-9 of the component's range are rounding, not motion: they end no direction.
+    Increments smaller than 1e-9 of the component's range are rounding, not motion: they end no
+    direction.
     """
     values = signal.reshape(len(signal), -1)
     duration = (len(values) - 1) * period

@@ -1,4 +1,6 @@
-"""The commands of ``python -m reproduction``: the paper's simulations and claims, and the planar gait."""
+"""The commands of ``python -m reproduction``: the paper's simulations and claims, and the planar
+gait.
+"""
 
 from __future__ import annotations
 
@@ -26,15 +28,19 @@ if TYPE_CHECKING:
 
 
 def paper(
-    out: Annotated[str, typer.Option(metavar="DIR", help="Folder for the report: new, empty, or one of a report.")],
+    out: Annotated[
+        str,
+        typer.Option(metavar="DIR", help="Folder for the report: new, empty, or one of a report."),
+    ],
     duration: Annotated[float, typer.Option(help="Length of each 3D walk, s.")] = 10.0,
     force: Force = False,
     json: JsonOption = None,
 ) -> None:
-    """Reproduce the paper: both simulations, every claim with a verdict and a number, and the figures.
+    """Reproduce the paper: both simulations, every claim with a verdict and a number, and the
+    figures.
 
-    Writes DIR/report.html (one self-contained page), DIR/numbers.json and DIR/figures/*.pdf. Exit code 0 only if every
-    number was produced.
+    Writes DIR/report.html (one self-contained page), DIR/numbers.json and DIR/figures/*.pdf. Exit
+    code 0 only if every number was produced.
     """
     checks.ticks(checks.number("duration", duration, low=0.1), 1e-3)
     from harpy_pin.model.robot import load_harpy
@@ -44,7 +50,9 @@ def paper(
         check_writable(json)
     folder = OwnFolder(out, force=force)
     with stderr.status("preparing") as status:
-        result = reproduce(load_harpy(), duration=duration, on_stage=lambda stage: status.update(f"{stage} …"))
+        result = reproduce(
+            load_harpy(), duration=duration, on_stage=lambda stage: status.update(f"{stage} …")
+        )
     table = Table("", "gait", "verdict", "number", title="Claims of the paper")
     for finding in result.findings:
         table.add_row(finding.claim.key, finding.setting, str(finding.verdict), finding.number)
@@ -65,25 +73,31 @@ def vlip(
     evaluate_at: Annotated[
         str,
         typer.Option(
-            help="Where the paper's governor evaluates its constraints: measured (state) or tracked (reference)."
+            help="Where the paper's governor evaluates its constraints: measured (state) or "
+            "tracked (reference)."
         ),
     ] = "tracked",
     start: Annotated[
         str,
         typer.Option(
-            help="Start state: paper (on the target, which violates the constraints) or inside (the friction cone)."
+            help="Start state: paper (on the target, which violates the constraints) or inside "
+            "(the friction cone)."
         ),
     ] = "paper",
     coordinates: Annotated[
-        str, typer.Option(help="Coordinates of the governed reference: polar (θ, φ, l) or cartesian.")
+        str,
+        typer.Option(help="Coordinates of the governed reference: polar (θ, φ, l) or cartesian."),
     ] = "polar",
     mass: Annotated[float, typer.Option(help="Mass, kg.")] = 4.0,
-    friction: Annotated[float, typer.Option(help="Friction coefficient of the constraints.")] = 0.45,
+    friction: Annotated[
+        float, typer.Option(help="Friction coefficient of the constraints.")
+    ] = 0.45,
     duration: Annotated[float, typer.Option(help="Simulated time, s.")] = 4.0,
     dt: Annotated[float, typer.Option(help="Control and integration step, s.")] = 1e-3,
     json: JsonOption = None,
 ) -> None:
-    """Run the paper's first simulation: a point mass on a variable-length leg (VLIP) under its thruster law.
+    """Run the paper's first simulation: a point mass on a variable-length leg (VLIP) under its
+    thruster law.
 
     \b
     python -m reproduction vlip --governor none
@@ -91,13 +105,21 @@ def vlip(
     python -m reproduction vlip --governor margin --start inside
     """
     from harpy_pin.governors.rows import EVALUATE_AT
-    from reproduction.vlip_simulation import VLIP_GOVERNORS, VlipParameters, simulate_vlip, vlip_governor, vlip_setting
+    from reproduction.vlip_simulation import (
+        VLIP_GOVERNORS,
+        VlipParameters,
+        simulate_vlip,
+        vlip_governor,
+        vlip_setting,
+    )
 
     checks.one_of("governor", governor, VLIP_GOVERNORS)
     checks.one_of("evaluate_at", evaluate_at, EVALUATE_AT)
     if json is not None:
         check_writable(json)
-    given = VlipParameters(mass=mass, mu=friction, duration=duration, dt=dt, coordinates=coordinates, start=start)
+    given = VlipParameters(
+        mass=mass, mu=friction, duration=duration, dt=dt, coordinates=coordinates, start=start
+    )
     parameters = vlip_setting(governor, given)
     chosen = vlip_governor(parameters, name=governor, evaluate_at=evaluate_at)
     summary = vars(simulate_vlip(chosen, parameters).summary())
@@ -111,39 +133,56 @@ def gait(
     search: Annotated[
         str | None,
         typer.Option(
-            help="Search for a gait instead: which numbers vary (paper, place, start, middle, ends, overlap)."
+            help="Search for a gait instead: which numbers vary (paper, place, start, middle, "
+            "ends, overlap)."
         ),
     ] = None,
     from_walk: Annotated[
         float | None,
-        typer.Option(metavar="SHARE", help="Search around the hand walk with this share of double support."),
+        typer.Option(
+            metavar="SHARE", help="Search around the hand walk with this share of double support."
+        ),
     ] = None,
     start: Annotated[
-        Path | None, typer.Option(metavar="FILE.toml", help="Search around this gait, such as one found before.")
+        Path | None,
+        typer.Option(
+            metavar="FILE.toml", help="Search around this gait, such as one found before."
+        ),
     ] = None,
-    spread: Annotated[float, typer.Option(help="Start spread of the search, as a share of the bounds.")] = 0.05,
+    spread: Annotated[
+        float, typer.Option(help="Start spread of the search, as a share of the bounds.")
+    ] = 0.05,
     in_space: Annotated[
         float | None,
         typer.Option(
             metavar="WIDTH",
-            help="Add the governed walk in space to the cost, with the feet at this distance (m) from the path.",
+            help="Add the governed walk in space to the cost, with the feet at this distance (m) "
+            "from the path.",
         ),
     ] = None,
     friction: Annotated[float, typer.Option(help="Static friction coefficient.")] = 0.25,
-    slip_weight: Annotated[float, typer.Option(help="Cost of slip, per mm per step beyond 1 mm.")] = 0.05,
+    slip_weight: Annotated[
+        float, typer.Option(help="Cost of slip, per mm per step beyond 1 mm.")
+    ] = 0.05,
     seed: Annotated[int, typer.Option(help="Seed of the search.")] = 1,
     budget: Annotated[int, typer.Option(help="Number of walks to try.")] = 2000,
     resume: Annotated[
         Path | None,
         typer.Option(
-            metavar="FILE", help="Save the state of the search in this file, and continue from it if it exists."
+            metavar="FILE",
+            help="Save the state of the search in this file, and continue from it if it exists.",
         ),
     ] = None,
-    out: Annotated[Path | None, typer.Option(metavar="FILE.toml", help="Write the gait that was found.")] = None,
-    load: Annotated[
-        Path | None, typer.Option(metavar="FILE.toml", help="Show this gait instead of the packaged one.")
+    out: Annotated[
+        Path | None, typer.Option(metavar="FILE.toml", help="Write the gait that was found.")
     ] = None,
-    stability: Annotated[bool, typer.Option(help="Also compute the spectral radius of the Poincaré map.")] = True,
+    load: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE.toml", help="Show this gait instead of the packaged one."),
+    ] = None,
+    stability: Annotated[
+        bool, typer.Option(help="Also compute the spectral radius of the Poincaré map.")
+    ] = True,
 ) -> None:
     """Show the optimised planar gait, or search for one.
 
@@ -194,9 +233,18 @@ def gait(
         "slip-weight": slip_weight,
     }
     options = [
-        f"--{name} {v:g}" if isinstance(v, float) else f"--{name} {v}" for name, v in given.items() if v is not None
+        f"--{name} {v:g}" if isinstance(v, float) else f"--{name} {v}"
+        for name, v in given.items()
+        if v is not None
     ]
-    command = " ".join(["python -m reproduction gait --search", search, *options, f"--seed {seed} --budget {budget}"])
+    command = " ".join(
+        [
+            "python -m reproduction gait --search",
+            search,
+            *options,
+            f"--seed {seed} --budget {budget}",
+        ]
+    )
     with _search_bar(budget) as on_progress:
         found = optimise_gait(
             robot,
@@ -218,21 +266,39 @@ def gait(
         _show_gait(robot, found, friction=friction, stability=False)
     if found.record.get("ending") == "interrupted":
         kept = [f"'{path}'" for path in (out, resume) if path is not None]
-        say(f"interrupted; the best gait so far is {'in ' + ' and '.join(kept) if kept else 'not kept'}")
+        say(
+            f"interrupted; the best gait so far is "
+            f"{'in ' + ' and '.join(kept) if kept else 'not kept'}"
+        )
         raise typer.Exit(INTERRUPTED)
 
 
 @contextmanager
 def _search_bar(budget: int) -> Iterator[Callable[[SearchProgress], None]]:
     """A progress bar, and the function that moves it."""
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+    from rich.progress import (
+        BarColumn,
+        MofNCompleteColumn,
+        Progress,
+        TextColumn,
+        TimeRemainingColumn,
+    )
 
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeRemainingColumn(),
+    )
     with Progress(*columns, console=stderr, transient=True, disable=not stderr.is_terminal) as bar:
         line = bar.add_task("searching", total=budget)
 
         def on_progress(progress: SearchProgress) -> None:
-            bar.update(line, completed=progress.evaluations, description=f"searching, cost {progress.cost:.3f}")
+            bar.update(
+                line,
+                completed=progress.evaluations,
+                description=f"searching, cost {progress.cost:.3f}",
+            )
 
         yield on_progress
 
@@ -247,11 +313,19 @@ def _show_gait(robot: Robot, found: OptimisedGait, *, friction: float, stability
     model = PlanarModel.from_robot(robot)
     values: dict[str, Any] = asdict(PlanarWalk(model, found.gait, ground=ground).run(30.0))
     if stability and not values["fell"]:
-        for name, memory in (("spectral radius", False), ("spectral radius, with PID integrals", True)):
+        for name, memory in (
+            ("spectral radius", False),
+            ("spectral radius, with PID integrals", True),
+        ):
             with stderr.status("Poincaré map"):
                 periodic = analyse_periodicity(model, found.gait, ground=ground, memory=memory)
-            values[name] = f"{periodic.spectral_radius:.3f} ({periodic.spread[0]:.3f} to {periodic.spread[1]:.3f})"
-    console.print(values_table(f"planar walk of 30 s without thrusters, friction {friction:g}", values))
+            values[name] = (
+                f"{periodic.spectral_radius:.3f} ({periodic.spread[0]:.3f} to "
+                f"{periodic.spread[1]:.3f})"
+            )
+    console.print(
+        values_table(f"planar walk of 30 s without thrusters, friction {friction:g}", values)
+    )
     console.print(f"found by: {found.record.get('command', 'unknown')}", highlight=False)
 
 
@@ -259,7 +333,8 @@ NAME = "python -m reproduction"
 
 app = typer.Typer(
     name=NAME,
-    help="Reproduce the paper of 2021 whose governor the library has: its simulations, its claims, and its gait.",
+    help="Reproduce the paper of 2021 whose governor the library has: its simulations, its claims, "
+    "and its gait.",
     no_args_is_help=True,
     add_completion=False,
     rich_markup_mode=None,

@@ -40,7 +40,9 @@ def vlip_states(run: VlipRun) -> Figure:
 
 @styled
 def vlip_forces(run: VlipRun) -> Figure:
-    """Contact force with the applied reference, with its friction band; that of the target at the same states."""
+    """Contact force with the applied reference, with its friction band; that of the target at the
+    same states.
+    """
     figure, axes = grid(3, 1, width=6.0, height=5.2)
     mu = run.parameters.mu
     normal = run.force[:, 2]
@@ -48,11 +50,23 @@ def vlip_forces(run: VlipRun) -> Figure:
         panel = axes[i][0]
         if i < 2:
             panel.fill_between(
-                run.t, -mu * normal, mu * normal, color=FRICTION, alpha=0.35, linewidth=0.0, label="±μ u$_{gz}$"
+                run.t,
+                -mu * normal,
+                mu * normal,
+                color=FRICTION,
+                alpha=0.35,
+                linewidth=0.0,
+                label="±μ u$_{gz}$",
             )
         else:
             panel.axhline(run.parameters.min_normal_force, linestyle="--", label="20 N", **LIMIT)
-        panel.plot(run.t, run.target_force[:, i], color=TARGET, linestyle="--", label="with target reference")
+        panel.plot(
+            run.t,
+            run.target_force[:, i],
+            color=TARGET,
+            linestyle="--",
+            label="with target reference",
+        )
         panel.plot(run.t, run.force[:, i], color=APPLIED, label="with applied reference")
         panel.set_ylabel(f"u$_{{g{axis}}}$ (N)")
     return _over_time(figure, axes)
@@ -60,9 +74,16 @@ def vlip_forces(run: VlipRun) -> Figure:
 
 @styled
 def vlip_constraints(run: VlipRun, ungoverned: VlipRun) -> Figure:
-    """The four constraints: of the governed run, and of the run whose reference is the target itself."""
+    """The four constraints: of the governed run, and of the run whose reference is the target
+    itself.
+    """
     figure, axes = grid(4, 1, width=6.0, height=6.4)
-    names = ("μ u$_{gz}$ − |u$_{gx}$| (N)", "μ u$_{gz}$ − |u$_{gy}$| (N)", "u$_{gz}$ − 20 N (N)", "θ − 5° (deg)")
+    names = (
+        "μ u$_{gz}$ − |u$_{gx}$| (N)",
+        "μ u$_{gz}$ − |u$_{gy}$| (N)",
+        "u$_{gz}$ − 20 N (N)",
+        "θ − 5° (deg)",
+    )
     least = run.parameters.min_angle
 
     def rows(of: VlipRun) -> Vector:
@@ -73,7 +94,9 @@ def vlip_constraints(run: VlipRun, ungoverned: VlipRun) -> Figure:
     for i, name in enumerate(names):
         panel = axes[i][0]
         panel.axhline(0.0, **LIMIT)
-        panel.plot(ungoverned.t, target[:, i], color=TARGET, linestyle="--", label="target reference")
+        panel.plot(
+            ungoverned.t, target[:, i], color=TARGET, linestyle="--", label="target reference"
+        )
         panel.plot(run.t, applied[:, i], color=APPLIED, label="applied reference")
         panel.set_ylabel(name)
     return _over_time(figure, axes)
@@ -81,7 +104,9 @@ def vlip_constraints(run: VlipRun, ungoverned: VlipRun) -> Figure:
 
 @styled
 def walk_states(run: Run) -> Figure:
-    """Body position: target, applied and actual; x is shown relative to the target's steady advance."""
+    """Body position: target, applied and actual; x is shown relative to the target's steady
+    advance.
+    """
     figure, axes = grid(3, 1, width=6.0, height=5.0)
     t, target, applied, actual = run["t"], run["x_r"], run["x_w"], run["q"]
     for i, axis in enumerate("xyz"):
@@ -95,7 +120,9 @@ def walk_states(run: Run) -> Figure:
 
 @styled
 def walk_forces(run: Run, *, mu: float) -> Figure:
-    """The simulated ground's total force, the model's estimate of it, and the band ±μ u_gz of each."""
+    """The simulated ground's total force, the model's estimate of it, and the band ±μ u_gz of
+    each.
+    """
     figure, axes = grid(3, 1, width=6.0, height=5.2)
     t, simulated, expected = run["t"], run["foot_force"].sum(axis=1), model_force(run)
     for i, axis in enumerate("xyz"):
@@ -103,7 +130,9 @@ def walk_forces(run: Run, *, mu: float) -> Figure:
         if i < 2:
             _band(panel, t, mu * simulated[:, 2], CONTACT, "±μ u$_{gz}$, simulated")
             for sign in (1.0, -1.0):
-                panel.plot(t, sign * mu * expected[:, 2], color=APPLIED, linestyle=":", linewidth=0.8)
+                panel.plot(
+                    t, sign * mu * expected[:, 2], color=APPLIED, linestyle=":", linewidth=0.8
+                )
         else:
             panel.axhline(20.0, linestyle="--", **LIMIT)
         panel.plot(t, simulated[:, i], color=CONTACT, linewidth=0.9, label="simulated, both feet")
@@ -116,13 +145,22 @@ def walk_forces(run: Run, *, mu: float) -> Figure:
 def walk_constraints(run: Run, *, mu: float) -> Figure:
     """The model's constraints at the target (h_r) and at the applied reference (h_w)."""
     figure, axes = grid(3, 1, width=6.0, height=5.2)
-    target, applied = model_rows(run, mu=mu, reference="x_r"), model_rows(run, mu=mu, reference="x_w")
+    target, applied = (
+        model_rows(run, mu=mu, reference="x_r"),
+        model_rows(run, mu=mu, reference="x_w"),
+    )
     names = ("μ u$_{gz}$ − |u$_{gx}$| (N)", "μ u$_{gz}$ − |u$_{gy}$| (N)", "u$_{gz}$ − 20 N (N)")
     columns = (slice(0, 2), slice(2, 4), slice(4, 5))
     for i, (name, column) in enumerate(zip(names, columns, strict=True)):
         panel = axes[i][0]
         panel.axhline(0.0, **LIMIT)
-        panel.plot(run["t"], target[:, column].min(axis=1), color=TARGET, linestyle="--", label="target, h$_r$")
+        panel.plot(
+            run["t"],
+            target[:, column].min(axis=1),
+            color=TARGET,
+            linestyle="--",
+            label="target, h$_r$",
+        )
         panel.plot(run["t"], applied[:, column].min(axis=1), color=APPLIED, label="applied, h$_w$")
         panel.set_ylabel(name)
     return _over_time(figure, axes)
@@ -130,7 +168,8 @@ def walk_constraints(run: Run, *, mu: float) -> Figure:
 
 @styled
 def chattering_figure(series: dict[str, dict[int, Chattering]]) -> Figure:
-    """Reversals per second of applied references against the divisor of the step: level is smooth, rising chatters.
+    """Reversals per second of applied references against the divisor of the step: level is smooth,
+    rising chatters.
 
     Args:
         series: for each case, the chattering of its applied reference by divisor.
@@ -155,7 +194,9 @@ def _references(panel: Axes, t: Vector, target: Vector, applied: Vector) -> None
 
 
 def _band(panel: Axes, t: Vector, half_width: Vector, colour: str, label: str) -> None:
-    panel.fill_between(t, -half_width, half_width, color=colour, alpha=0.15, linewidth=0.0, label=label)
+    panel.fill_between(
+        t, -half_width, half_width, color=colour, alpha=0.15, linewidth=0.0, label=label
+    )
 
 
 def _over_time(figure: Figure, axes: Any) -> Figure:

@@ -1,21 +1,22 @@
 """The classical explicit reference governor: dynamic safety margin times navigation field.
 
-Its setting is the model made exactly linear: K_pt = m k_pr, K_dt = m k_dr, gravity across the leg compensated, and a
-reference that stands still (ċ_w = 0), so that c̈ = k_p (c_w − c) − k_d ċ along every axis. With X = [c − c_w, ċ] (rows:
-position, velocity), A the closed loop of one axis and P from AᵀP + P A = −diag(1, θ), V = Σ_axes Xᵀ P X decreases while
-c_w rests. Each constraint holds on a level set V ≤ Γ(c_w):
+Its setting is the model made exactly linear: K_pt = m k_pr, K_dt = m k_dr, gravity across the leg
+compensated, and a reference that stands still (ċ_w = 0), so that c̈ = k_p (c_w − c) − k_d ċ along
+every axis. With X = [c − c_w, ċ] (rows: position, velocity), A the closed loop of one axis and P
+from AᵀP + P A = −diag(1, θ), V = Σ_axes Xᵀ P X decreases while c_w rests. Each constraint holds on
+a level set V ≤ Γ(c_w):
 
     pyramid face     aᵀ(c − u) ≥ 0, |a| = 1      Γ = s² / (P⁻¹)₁₁,   s = aᵀ(c_w − u)
-    leg length       L_min ≤ |c − u| ≤ L_max     the same with s = min(|c_w − u| − L_min, L_max − |c_w − u|)
-    normal force     u_gz ≥ u_min                Γ = A² / (κᵀP⁻¹κ),  κ = (k_p, k_d)
+    leg length       L_min ≤ |c − u| ≤ L_max     the same with s = min(|c_w − u| − L_min, L_max −
+    |c_w − u|) normal force     u_gz ≥ u_min                Γ = A² / (κᵀP⁻¹κ),  κ = (k_p, k_d)
 
-For the last, inside the pyramid r̂_z ≥ z₀ = 1/√(1 + 2 μ²), and u_gz = m (g r̂_z + r̂ᵀc̈) r̂_z ≥ m (g z₀ − |c̈|) z₀ as long as
-|c̈| ≤ g z₀, so A = g z₀ − u_min/(m z₀).
+For the last, inside the pyramid r̂_z ≥ z₀ = 1/√(1 + 2 μ²), and u_gz = m (g r̂_z + r̂ᵀc̈) r̂_z ≥ m
+(g z₀ − |c̈|) z₀ as long as |c̈| ≤ g z₀, so A = g z₀ − u_min/(m z₀).
 
-The margin is Γ − V with the least Γ, and ċ_w = κ_m (Γ − V) ρ(c_r, c_w), ρ the attraction to the target plus a push
-away from near constraints (Garone and Nicotra 2016). Per tick the step is taken only as far as V(x, c_w⁺) ≤ Γ(c_w⁺):
-hence V ≤ Γ at every tick, between ticks V falls, and no constraint is ever violated. That is a proof for this model,
-not for the robot.
+The margin is Γ − V with the least Γ, and ċ_w = κ_m (Γ − V) ρ(c_r, c_w), ρ the attraction to the
+target plus a push away from near constraints (Garone and Nicotra 2016). Per tick the step is taken
+only as far as V(x, c_w⁺) ≤ Γ(c_w⁺): hence V ≤ Γ at every tick, between ticks V falls, and no
+constraint is ever violated. That is a proof for this model, not for the robot.
 """
 
 from __future__ import annotations
@@ -36,7 +37,9 @@ GAIN = 20.0
 SMOOTHING = 0.01
 """η, distance to the target within which the attraction fades, m."""
 INFLUENCE, LEAST_SLACK = 0.05, 0.005
-"""Slacks ζ, under which a constraint repels, and δ, at which it repels with the strength of the attraction, m."""
+"""Slacks ζ, under which a constraint repels, and δ, at which it repels with the strength of the
+attraction, m.
+"""
 
 
 class MarginRecord(RecordOf):
@@ -119,7 +122,8 @@ class MarginGovernor(KeepsViews):
         allowed -= checks.number("min_normal_force", min_normal_force, low=0.0) / (mass * upright)
         if allowed <= 0.0:
             raise InputError(
-                f"{mass:g} kg cannot keep a normal force of {min_normal_force:g} N everywhere in a cone of {mu:g}",
+                f"{mass:g} kg cannot keep a normal force of {min_normal_force:g} N everywhere in a "
+                f"cone of {mu:g}",
                 name="min_normal_force",
                 value=min_normal_force,
             )
@@ -144,7 +148,8 @@ class MarginGovernor(KeepsViews):
         self.status = GovernorStatus(names, h_r, h_w, rate)
 
     def reset(self, x_r: Vector) -> None:
-        """Start over with c_w = c_r, at rest. It should be inside the constraints: from outside nothing is promised.
+        """Start over with c_w = c_r, at rest. It should be inside the constraints: from outside
+        nothing is promised.
 
         Args:
             x_r: (6,) target reference [c_t; ċ_t], m and m/s.
@@ -171,7 +176,9 @@ class MarginGovernor(KeepsViews):
 
 
 def _best_lyapunov(k_p: float, k_d: float) -> Vector:
-    """(2, 2) P that lets the reference run furthest ahead under a bound on the acceleration: least (κᵀP⁻¹κ) P₁₁."""
+    """(2, 2) P that lets the reference run furthest ahead under a bound on the acceleration: least
+    (κᵀP⁻¹κ) P₁₁.
+    """
     from scipy.linalg import solve_continuous_lyapunov  # here: a walk need not wait for it
 
     loop = np.array([[0.0, 1.0], [-k_p, -k_d]])
@@ -187,7 +194,9 @@ def _best_lyapunov(k_p: float, k_d: float) -> Vector:
 
 @kernel
 def _slacks(x: Vector, w: Vector, p: MarginRecord) -> None:
-    """Distances of the steady state to faces and leg limits, m, and the directions away from them."""
+    """Distances of the steady state to faces and leg limits, m, and the directions away from
+    them.
+    """
     slack, normals = p.slack, p.normals
     rx, ry, rz = w[0] - x[6], w[1] - x[7], w[2] - x[8]
     scale = 1.0 / np.sqrt(1.0 + p.mu * p.mu)
@@ -210,7 +219,9 @@ def _slacks(x: Vector, w: Vector, p: MarginRecord) -> None:
 
 @kernel
 def _margin(x: Vector, w: Vector, p: MarginRecord) -> tuple[float, float]:
-    """Γ(c_w) − V(x, c_w), negative also where the steady state violates a constraint; V. Fills the slacks."""
+    """Γ(c_w) − V(x, c_w), negative also where the steady state violates a constraint; V. Fills the
+    slacks.
+    """
     _slacks(x, w, p)
     energy = 0.0
     for i in range(3):
@@ -227,7 +238,9 @@ def _margin(x: Vector, w: Vector, p: MarginRecord) -> tuple[float, float]:
 
 @kernel
 def _possible(x: Vector, x_r: Vector, dt: float) -> bool:
-    """Whether a measured state and a target have the right sizes and possible numbers, and dt is a time."""
+    """Whether a measured state and a target have the right sizes and possible numbers, and dt is a
+    time.
+    """
     if x.shape != (9,) or x_r.shape != (6,) or not 0.0 <= dt < np.inf:
         return False
     return all_possible(x) and all_possible(x_r)
@@ -235,7 +248,9 @@ def _possible(x: Vector, x_r: Vector, dt: float) -> bool:
 
 @kernel
 def _margin_update(x: Vector, x_r: Vector, dt: float, p: MarginRecord) -> float:
-    """One tick; returns the dynamic safety margin at the applied reference (negative: no promise)."""
+    """One tick; returns the dynamic safety margin at the applied reference (negative: no
+    promise).
+    """
     x_w = p.applied
     if not _possible(x, x_r, dt):
         p.rate[:] = 0.0

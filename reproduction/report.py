@@ -27,7 +27,9 @@ if TYPE_CHECKING:
 SETTINGS = ("paper-curves", "optimised", "hand")
 """Gaits of the 3D walks; the first is what the paper prints."""
 VLIP_SHOWN = VlipCase("tracked", "polar")
-"""The run the paper describes: governed in (θ, φ, l), constraints at the reference, started on the target."""
+"""The run the paper describes: governed in (θ, φ, l), constraints at the reference, started on the
+target.
+"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,7 +37,9 @@ class Reproduction:
     """Everything the report shows."""
 
     vlip: VlipStudy  # first simulation
-    walks: Mapping[str, WalkStudy]  # second simulation, by gait; the first is as the paper prints it
+    walks: Mapping[
+        str, WalkStudy
+    ]  # second simulation, by gait; the first is as the paper prints it
     findings: tuple[Finding, ...]  # Q1 to Q8; Q4 to Q7 once for each gait
     gait: Mapping[str, str]  # what the optimised gait does in the plane
 
@@ -61,7 +65,9 @@ def reproduce(
     on_stage("cost")
     cost = study_cost(walks["optimised"].runs["measured"], robot, "optimised", mu=MU)
     by_claim = zip(*(walk.findings for walk in walks.values()), strict=True)
-    return Reproduction(vlip, walks, (*vlip.findings, *(f for group in by_claim for f in group), cost), gait)
+    return Reproduction(
+        vlip, walks, (*vlip.findings, *(f for group in by_claim for f in group), cost), gait
+    )
 
 
 def write_report(result: Reproduction, folder: OwnFolder) -> Path:
@@ -85,7 +91,13 @@ def write_report(result: Reproduction, folder: OwnFolder) -> Path:
         figure.savefig(picture, format="png", dpi=170, metadata={"Software": None})
         source = f"data:image/png;base64,{base64.b64encode(picture.getvalue()).decode()}"
         parts.append({"name": name, "caption": caption, "source": source})
-    folder.write({**files, "report.html": _page(result, parts), "numbers.json": json_text(numbers_of(result))})
+    folder.write(
+        {
+            **files,
+            "report.html": _page(result, parts),
+            "numbers.json": json_text(numbers_of(result)),
+        }
+    )
     return folder.path / "report.html"
 
 
@@ -95,13 +107,15 @@ def _plates(result: Reproduction) -> Iterator[tuple[str, str, Figure]]:
     shown, free = runs[VLIP_SHOWN], runs[VlipCase(None)]
     yield (
         "vlip_states",
-        "States of the VLIP: target, applied reference and model (constraints at the tracked state, reference in θ, φ, "
+        "States of the VLIP: target, applied reference and model (constraints at the tracked "
+        "state, reference in θ, φ, "
         "l).",
         figures.vlip_states(shown),
     )
     yield (
         "vlip_forces",
-        "Contact force of the VLIP with the applied reference, and what the target would cause at the same states.",
+        "Contact force of the VLIP with the applied reference, and what the target would cause at "
+        "the same states.",
         figures.vlip_forces(shown),
     )
     yield (
@@ -118,7 +132,8 @@ def _plates(result: Reproduction) -> Iterator[tuple[str, str, Figure]]:
         )
         yield (
             f"walk_{setting}_forces",
-            f"{robot}: force of the simulated ground on both feet, and the force that the reduced-order model expects. "
+            f"{robot}: force of the simulated ground on both feet, and the force that the "
+            f"reduced-order model expects. "
             "The paper shows the second; the feet feel the first.",
             figures.walk_forces(run, mu=MU),
         )
@@ -133,7 +148,8 @@ def _plates(result: Reproduction) -> Iterator[tuple[str, str, Figure]]:
             chattering.setdefault(name, {})[divisor] = applied
     yield (
         "chattering",
-        "Reversals of the applied reference per second as the step is divided. Level is smooth; rising chatters.",
+        "Reversals of the applied reference per second as the step is divided. Level is smooth; "
+        "rising chatters.",
         figures.chattering_figure(chattering),
     )
 
@@ -169,9 +185,17 @@ def numbers_of(result: Reproduction) -> dict[str, Any]:
 
 
 def _chattering(result: Reproduction) -> Iterator[tuple[str, str, int, Chattering, Chattering]]:
-    """Command, name, divisor of the step, and chattering of x_w and of the normal force, of each run."""
+    """Command, name, divisor of the step, and chattering of x_w and of the normal force, of each
+    run.
+    """
     for (case, d), (x, f) in result.vlip.chattering.items():
-        yield case.command, f"VLIP, {case.evaluate_at or 'no governor'}, {case.coordinates}", d, x, f
+        yield (
+            case.command,
+            f"VLIP, {case.evaluate_at or 'no governor'}, {case.coordinates}",
+            d,
+            x,
+            f,
+        )
     for setting, walk in result.walks.items():
         for (name, d), (x, f) in walk.chattering.items():
             yield f"walk, {setting}, {name}", f"walk, {setting}, {name}", d, x, f
@@ -188,7 +212,8 @@ def _page(result: Reproduction, plates: Sequence[Mapping[str, str]]) -> str:
     )
     vlip = [
         (
-            f"{case.evaluate_at or 'none'}, {case.coordinates if case.evaluate_at else '–'}, start {case.start}",
+            f"{case.evaluate_at or 'none'}, {case.coordinates if case.evaluate_at else '–'}, start "
+            f"{case.start}",
             f"{100 * s.violation_share:.1f}",
             f"{s.worst_violation_n:.2f}",
             f"{s.reversals_per_s:.1f}",
@@ -226,6 +251,9 @@ def _page(result: Reproduction, plates: Sequence[Mapping[str, str]]) -> str:
 def _walk_rows(measures: Mapping[str, Measures]) -> list[tuple[str, ...]]:
     columns = [measures[name].as_dict() for name in WALKS]
     return [
-        (key, *(f"{v:.4g}" if isinstance(v := column[key], float) else str(v) for column in columns))
+        (
+            key,
+            *(f"{v:.4g}" if isinstance(v := column[key], float) else str(v) for column in columns),
+        )
         for key in columns[0]
     ]

@@ -39,13 +39,22 @@ class VlipCase:
         """The command that prints this case's numbers."""
         if self.evaluate_at is None:
             return f"python -m reproduction vlip --governor none --start {self.start}"
-        options = f"--evaluate-at {self.evaluate_at} --coordinates {self.coordinates} --start {self.start}"
+        options = (
+            f"--evaluate-at {self.evaluate_at} --coordinates {self.coordinates} --start "
+            f"{self.start}"
+        )
         return f"python -m reproduction vlip {options}"
 
     def run(self, *, divide: int = 1) -> VlipRun:
         """Run it, with the step divided."""
-        parameters = VlipParameters(coordinates=self.coordinates, start=self.start, dt=VlipParameters.dt / divide)
-        governor = None if self.evaluate_at is None else vlip_governor(parameters, evaluate_at=self.evaluate_at)
+        parameters = VlipParameters(
+            coordinates=self.coordinates, start=self.start, dt=VlipParameters.dt / divide
+        )
+        governor = (
+            None
+            if self.evaluate_at is None
+            else vlip_governor(parameters, evaluate_at=self.evaluate_at)
+        )
         return simulate_vlip(governor, parameters)
 
 
@@ -97,7 +106,9 @@ INSIDE = {
     "paper's, tracked reference": ("paper", "tracked"),
     "margin": ("margin", "measured"),
 }
-"""Governors of runs that start inside the friction cone, and where the paper's evaluates its constraints."""
+"""Governors of runs that start inside the friction cone, and where the paper's evaluates its
+constraints.
+"""
 
 
 def study_inside() -> dict[str, dict[str, Any]]:
@@ -112,7 +123,9 @@ def study_inside() -> dict[str, dict[str, Any]]:
 def _inside(governor: str, evaluate_at: str) -> dict[str, Any]:
     summaries = {}
     for divide in DIVISORS:
-        given = VlipParameters(coordinates="cartesian", start="inside", dt=VlipParameters.dt / divide)
+        given = VlipParameters(
+            coordinates="cartesian", start="inside", dt=VlipParameters.dt / divide
+        )
         parameters = vlip_setting(governor, given)
         made = vlip_governor(parameters, name=governor, evaluate_at=evaluate_at)
         summaries[divide] = simulate_vlip(made, parameters).summary()
@@ -146,18 +159,25 @@ def _q1(runs: dict[VlipCase, VlipRun]) -> Finding:
 def _q2(runs: dict[VlipCase, VlipRun]) -> Finding:
     """Judged on the reading that does best, so that the paper gets its best case."""
     ungoverned = runs[VlipCase(None)].summary().violation_share
-    governed = {case: run for case, run in runs.items() if case.evaluate_at is not None and case.start == "paper"}
+    governed = {
+        case: run
+        for case, run in runs.items()
+        if case.evaluate_at is not None and case.start == "paper"
+    }
     case = min(governed, key=lambda c: governed[c].summary().violation_share)
     run = governed[case]
     summary = run.summary()
     worst = run.margins(run.force).min(axis=1)
     later = run.t > 0.2  # the start violates whatever a governor does
     when = float(run.t[later][int(worst[later].argmin())])
-    holds = summary.violation_share <= 0.05 and summary.worst_violation_n <= 1.0 and 1.2 <= when <= 1.6
+    holds = (
+        summary.violation_share <= 0.05 and summary.worst_violation_n <= 1.0 and 1.2 <= when <= 1.6
+    )
     return Finding(
         CLAIMS["Q2"],
         judge(holds, summary.violation_share <= 0.5 * ungoverned),
-        f"at best {100 * summary.violation_share:.1f} % of the ticks violate ({case.evaluate_at}, {case.coordinates}), "
+        f"at best {100 * summary.violation_share:.1f} % of the ticks violate ({case.evaluate_at}, "
+        f"{case.coordinates}), "
         f"by up to {summary.worst_violation_n:.2f} N, after 0.2 s worst at t = {when:.2f} s; "
         f"ungoverned {100 * ungoverned:.1f} %",
         case.command,

@@ -1,4 +1,6 @@
-"""The VLIP: the force along its leg, the row on the leg's angle, and rows on a reference w = (θ, φ, l, θ̇, φ̇, l̇)."""
+"""The VLIP: the force along its leg, the row on the leg's angle, and rows on a reference w = (θ, φ,
+l, θ̇, φ̇, l̇).
+"""
 
 from __future__ import annotations
 
@@ -15,7 +17,8 @@ from harpy_pin.model.state import Vector
 
 
 class PolarRows(KeepsViews):
-    """Rows on a Cartesian reference [c_w; ċ_w], seen from a polar one: h(x, c(w)), J_w = J_c ∂c/∂w (chain rule).
+    """Rows on a Cartesian reference [c_w; ċ_w], seen from a polar one: h(x, c(w)), J_w = J_c ∂c/∂w
+    (chain rule).
 
     Args:
         rows: on [c_w; ċ_w].
@@ -38,7 +41,8 @@ class PolarRows(KeepsViews):
 
 
 class AngleRow(KeepsViews):
-    """Least angle of the leg from the vertical, of the reference: θ(c_w − u) − θ_min ≥ 0 (paper, VLIP constraints).
+    """Least angle of the leg from the vertical, of the reference: θ(c_w − u) − θ_min ≥ 0 (paper,
+    VLIP constraints).
 
     Args:
         min_angle: θ_min, rad (the paper's 5° by default).
@@ -51,13 +55,16 @@ class AngleRow(KeepsViews):
         self.min_angle = checks.number("min_angle", min_angle, low=0.0, high=float(np.pi / 2))
 
     def evaluate(self, x: Vector, w: Vector, h: Vector, jacobian: Vector) -> None:
-        """See :class:`~harpy_pin.governors.ConstraintRows`. At θ = 0 there is no gradient; it is set to zero (W8)."""
+        """See :class:`~harpy_pin.governors.ConstraintRows`. At θ = 0 there is no gradient; it is
+        set to zero (W8).
+        """
         check_outputs(1, x, w, h, jacobian)
         angle_row(x, w, self.min_angle, h, jacobian)
 
 
 class PolarAngleRow(AngleRow):
-    """θ_w − θ_min ≥ 0, without the singularity that the Cartesian form has at θ = 0 (equations.md W8).
+    """θ_w − θ_min ≥ 0, without the singularity that the Cartesian form has at θ = 0 (equations.md
+    W8).
 
     Args:
         min_angle: θ_min, rad (the paper's 5° by default).
@@ -124,8 +131,11 @@ def angle_row(x: Vector, w: Vector, least: float, h: Vector, jacobian: Vector) -
 
 
 @kernel(r=(3,), gravity=(3,), thrust=(3,), cop_acceleration=(3,))
-def multiplier(r: Vector, mass: float, gravity: Vector, thrust: Vector, u_r: float, cop_acceleration: Vector) -> float:
-    """Lagrange multiplier λ of the leg constraint J_s (c̈ − ü) = u_r with J_s = rᵀ (paper, eq. of λ; equations.md E4).
+def multiplier(
+    r: Vector, mass: float, gravity: Vector, thrust: Vector, u_r: float, cop_acceleration: Vector
+) -> float:
+    """Lagrange multiplier λ of the leg constraint J_s (c̈ − ü) = u_r with J_s = rᵀ (paper, eq. of
+    λ; equations.md E4).
 
     Args:
         r: (3,) c − u, m.
@@ -138,7 +148,9 @@ def multiplier(r: Vector, mass: float, gravity: Vector, thrust: Vector, u_r: flo
     Returns:
         λ, N/m: the contact force is r λ.
     """
-    squared = max(r[0] * r[0] + r[1] * r[1] + r[2] * r[2], 1e-24)  # a body on the foot has no direction
+    squared = max(
+        r[0] * r[0] + r[1] * r[1] + r[2] * r[2], 1e-24
+    )  # a body on the foot has no direction
     s = u_r
     for i in range(3):
         s += r[i] * (cop_acceleration[i] - gravity[i] - thrust[i] / mass)
@@ -147,9 +159,16 @@ def multiplier(r: Vector, mass: float, gravity: Vector, thrust: Vector, u_r: flo
 
 @kernel(r=(3,), gravity=(3,), thrust=(3,), cop_acceleration=(3,), out=(3,))
 def leg_force(
-    r: Vector, mass: float, gravity: Vector, thrust: Vector, u_r: float, cop_acceleration: Vector, out: Vector
+    r: Vector,
+    mass: float,
+    gravity: Vector,
+    thrust: Vector,
+    u_r: float,
+    cop_acceleration: Vector,
+    out: Vector,
 ) -> None:
-    """Contact force u_g = J_sᵀ λ of the model, N (paper, eq. of u_g); arguments as :func:`multiplier`.
+    """Contact force u_g = J_sᵀ λ of the model, N (paper, eq. of u_g); arguments as
+    :func:`multiplier`.
 
     Args:
         out: (3,) force on the body, world axes, N.

@@ -1,7 +1,8 @@
-"""The paper's first simulation: the reduced-order model under its thruster law, with or without a governor.
+"""The paper's first simulation: the reduced-order model under its thruster law, with or without a
+governor.
 
-A point mass on a leg of variable length, its foot fixed at the origin, follows a reference that circles over the
-foot in heading, angle and length (paper, section VLIP Model).
+A point mass on a leg of variable length, its foot fixed at the origin, follows a reference that
+circles over the foot in heading, angle and length (paper, section VLIP Model).
 """
 
 from __future__ import annotations
@@ -23,7 +24,13 @@ from harpy_pin.model.record import fields, make_record
 from harpy_pin.model.state import Vector
 from reproduction.chattering import chattering
 from reproduction.margin import MarginGovernor
-from reproduction.vlip_model import AngleRow, PolarAngleRow, PolarRows, leg_force, polar_to_cartesian
+from reproduction.vlip_model import (
+    AngleRow,
+    PolarAngleRow,
+    PolarRows,
+    leg_force,
+    polar_to_cartesian,
+)
 
 STARTS = ("paper", "inside")
 COORDINATES = ("polar", "cartesian")
@@ -38,7 +45,9 @@ PAPER_GAINS = CentreGains(k_pt=660.0, k_dt=60.0, k_pr=660.0, k_dr=60.0)
 
 @dataclass(frozen=True, kw_only=True)
 class VlipParameters:
-    """Settings of the VLIP run; defaults are the paper's, with equations.md §3 where it is silent."""
+    """Settings of the VLIP run; defaults are the paper's, with equations.md §3 where it is
+    silent.
+    """
 
     mass: float = 4.0  # m, kg, from 1e-3 to 1e6
     mu: float = 0.45  # μ_s, at most 10
@@ -47,12 +56,16 @@ class VlipParameters:
     g: float = 9.81  # magnitude of gravity, m/s²
     dt: float = 1e-3  # control and integration step, s
     duration: float = 4.0  # s
-    coordinates: str = "polar"  # of the governed reference: polar (θ, φ, l), the paper's, or cartesian
-    # paper starts at the target, which already violates friction (equations.md W2); inside starts body and applied
+    coordinates: str = (
+        "polar"  # of the governed reference: polar (θ, φ, l), the paper's, or cartesian
+    )
+    # paper starts at the target, which already violates friction (equations.md W2); inside starts
+    # body and applied
     # reference at an angle of 0.3 rad, inside the friction cone
     start: str = "paper"
     gains: CentreGains = PAPER_GAINS  # of the thruster law
-    # the thrust also compensates the part of gravity across the leg: the setting in which, with K_pt = m k_pr and K_dt
+    # the thrust also compensates the part of gravity across the leg: the setting in which, with
+    # K_pt = m k_pr and K_dt
     # = m k_dr, the model is exactly linear
     gravity_compensation: bool = False
 
@@ -82,7 +95,9 @@ class VlipRun:
     thrust: Vector  # (n, 3) thrust, N
     infeasible: Vector  # (n,) whether the governor said that no reference satisfies its rows
     force: Vector  # (n, 3) contact force with the applied reference, N
-    target_force: Vector  # (n, 3) contact force that the target reference would cause at the same state, N
+    target_force: (
+        Vector  # (n, 3) contact force that the target reference would cause at the same state, N
+    )
     parameters: VlipParameters  # settings
 
     def margins(self, force: Vector) -> Vector:
@@ -130,21 +145,28 @@ class VlipSummary:
 
 
 def cartesian(theta: float, phi: float, length: float) -> Vector:
-    """(3,) position c − u of the body at leg angle θ from the vertical, heading φ (rad), leg length l (m)."""
+    """(3,) position c − u of the body at leg angle θ from the vertical, heading φ (rad), leg length
+    l (m).
+    """
     out, derivative = np.empty(6), np.empty((6, 6))
     polar_to_cartesian(np.array([theta, phi, length, 0.0, 0.0, 0.0]), np.zeros(3), out, derivative)
     return out[:3]
 
 
 def paper_reference(t: float) -> Vector:
-    """(6,) the paper's target (θ, φ, l, θ̇, φ̇, l̇) at time t, s: its reference equation, with zero rates."""
+    """(6,) the paper's target (θ, φ, l, θ̇, φ̇, l̇) at time t, s: its reference equation, with zero
+    rates.
+    """
     s = np.sin(np.pi * t - np.pi)
-    return np.array([0.45 + 0.45 * s, -1.5 * s, 0.4 + 0.1 * np.cos(np.pi * t - np.pi), 0.0, 0.0, 0.0])
+    return np.array(
+        [0.45 + 0.45 * s, -1.5 * s, 0.4 + 0.1 * np.cos(np.pi * t - np.pi), 0.0, 0.0, 0.0]
+    )
 
 
 def vlip_setting(name: str, parameters: VlipParameters | None = None) -> VlipParameters:
-    """The run's parameters as a governor needs them: Cartesian references beyond the paper's, and for ``margin`` the
-    exactly linear model (K_pt = m k_pr, K_dt = m k_dr, gravity across the leg compensated).
+    """The run's parameters as a governor needs them: Cartesian references beyond the paper's, and
+    for ``margin`` the exactly linear model (K_pt = m k_pr, K_dt = m k_dr, gravity across the leg
+    compensated).
 
     Args:
         name: one of :data:`VLIP_GOVERNORS`.
@@ -169,8 +191,8 @@ def vlip_governor(
 
     Args:
         parameters: of the run, for this governor (:func:`vlip_setting`).
-        name: one of :data:`VLIP_GOVERNORS`. The paper's has its force rows and least leg angle, and rates (1, 5, 2);
-            none gives none.
+        name: one of :data:`VLIP_GOVERNORS`. The paper's has its force rows and least leg angle, and
+            rates (1, 5, 2); none gives none.
         evaluate_at: of the paper's force rows (equations.md R1, R2).
 
     Raises:
@@ -182,7 +204,9 @@ def vlip_governor(
         return None
     if name == "margin":
         least, k_p, k_d = p.min_normal_force, p.gains.k_pr, p.gains.k_dr
-        return MarginGovernor(mass=p.mass, mu=p.mu, k_p=k_p, k_d=k_d, min_normal_force=least, leg=LEG, g=p.g)
+        return MarginGovernor(
+            mass=p.mass, mu=p.mu, k_p=k_p, k_d=k_d, min_normal_force=least, leg=LEG, g=p.g
+        )
     force = ForceRows(
         mass=p.mass,
         mu=p.mu,
@@ -240,7 +264,17 @@ def simulate_vlip(
     if governor is not None:
         governor.reset(start if polar else np.concatenate((measured[:3], np.zeros(3))))
     rows = 0 if governor is None else len(governor.status.h_r)
-    sizes = {"c": 6, "x_r": 6, "x_w": 6, "h_r": rows, "h_w": rows, "u": 3, "u_r": 3, "thrust": 3, "bad": 1}
+    sizes = {
+        "c": 6,
+        "x_r": 6,
+        "x_w": 6,
+        "h_r": rows,
+        "h_w": rows,
+        "u": 3,
+        "u_r": 3,
+        "thrust": 3,
+        "bad": 1,
+    }
     log = {name: np.zeros((n, size)) for name, size in sizes.items()}
     times: Vector = p.dt * np.arange(n, dtype=np.float64)
     for k, t in enumerate(times):
@@ -260,7 +294,9 @@ def simulate_vlip(
         _law(measured, x_w, model, log["thrust"][k], log["u"][k])
         _runge_kutta(measured, x_w, model, p.dt)
         if not np.isfinite(measured).all():
-            raise InputError(f"the model diverged at t = {t:.3f} s: the step {p.dt:g} s is too long", name="dt")
+            raise InputError(
+                f"the model diverged at t = {t:.3f} s: the step {p.dt:g} s is too long", name="dt"
+            )
     return VlipRun(
         t=times,
         position=log["c"][:, :3],
@@ -286,7 +322,9 @@ def _law(measured: Vector, reference: Vector, p: VlipRecord, thrust: Vector, for
     u_r = centre_feedback(r, measured[:3], measured[3:6], reference, PROJECTED, p, thrust)
     if p.carry != 0.0:
         gravity = p.gravity
-        along = (r[0] * gravity[0] + r[1] * gravity[1] + r[2] * gravity[2]) / (r[0] ** 2 + r[1] ** 2 + r[2] ** 2)
+        along = (r[0] * gravity[0] + r[1] * gravity[1] + r[2] * gravity[2]) / (
+            r[0] ** 2 + r[1] ** 2 + r[2] ** 2
+        )
         for i in range(3):
             thrust[i] -= p.carry * (gravity[i] - r[i] * along)
     leg_force(r, p.mass, p.gravity, thrust, u_r, still, force)

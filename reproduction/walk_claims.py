@@ -1,4 +1,6 @@
-"""The second simulation: the full robot at the paper's friction, what the model expects of the ground, and Q4 to Q8."""
+"""The second simulation: the full robot at the paper's friction, what the model expects of the
+ground, and Q4 to Q8.
+"""
 
 from __future__ import annotations
 
@@ -45,7 +47,10 @@ def _measured(run: Run) -> Vector:
     """(n, 9) [c; ċ; u] along the run."""
     for name in ("centre_of_pressure", "x_r", "x_w"):
         if name not in run:
-            raise InputError(f"the run has no signal '{name}': it was not made by the governed controller", name="run")
+            raise InputError(
+                f"the run has no signal '{name}': it was not made by the governed controller",
+                name="run",
+            )
     return np.concatenate((run["q"][:, :3], body_velocity(run), run["centre_of_pressure"]), axis=1)
 
 
@@ -68,7 +73,8 @@ def model_rows(run: Run, *, mu: float, reference: str = "x_w") -> Vector:
 
 
 def model_force(run: Run, *, reference: str = "x_w") -> Vector:
-    """(n, 3) contact force that the reduced-order model expects for a logged reference, world axes, N.
+    """(n, 3) contact force that the reduced-order model expects for a logged reference, world axes,
+    N.
 
     Args:
         run: of the governed controller.
@@ -90,7 +96,9 @@ MU = 0.25
 """μ_s of the paper's 3D run; μ_c is 0.225."""
 WALKS = ("no thrusters", "no governor", "measured", "tracked")
 DIVISORS = (1, 2, 4)
-"""Of the control period of 1 ms, where chattering is measured; the physics step is the same 0.25 ms for all."""
+"""Of the control period of 1 ms, where chattering is measured; the physics step is the same 0.25 ms
+for all.
+"""
 NORMAL = 4
 """Index of the normal-force row."""
 
@@ -101,12 +109,15 @@ class WalkStudy:
 
     runs: dict[str, Run]  # by name of :data:`WALKS`
     measures: dict[str, Measures]  # what each achieved
-    # of the applied reference (positions) and of the total normal force, by walk and divisor of the control period
+    # of the applied reference (positions) and of the total normal force, by walk and divisor of the
+    # control period
     chattering: dict[tuple[str, int], tuple[Chattering, Chattering]]
     findings: tuple[Finding, ...]  # Q4 to Q7
 
 
-def walk_run(gait: str, name: str, *, duration: float, dt: float = 5e-4, period: float = 1e-3) -> Run:
+def walk_run(
+    gait: str, name: str, *, duration: float, dt: float = 5e-4, period: float = 1e-3
+) -> Run:
     """One walk at the paper's friction.
 
     Args:
@@ -132,7 +143,8 @@ def walk_run(gait: str, name: str, *, duration: float, dt: float = 5e-4, period:
 
 
 def study_walk(gait: str, *, duration: float = 10.0) -> WalkStudy:
-    """Walk with and without thrusters and governor, measure chattering at divided periods, and judge Q4 to Q7.
+    """Walk with and without thrusters and governor, measure chattering at divided periods, and
+    judge Q4 to Q7.
 
     Args:
         gait: see :data:`reproduction.gait.spatial.GAITS`.
@@ -150,7 +162,9 @@ def study_walk(gait: str, *, duration: float = 10.0) -> WalkStudy:
                 chattering(run["foot_force"][1:, :, 2].sum(axis=1), period=period),
             )
     findings = (_q4(measures), _q5(measures), _q6(runs["measured"]), _q7(chatter, runs))
-    return WalkStudy(runs, measures, chatter, tuple(replace(finding, setting=gait) for finding in findings))
+    return WalkStudy(
+        runs, measures, chatter, tuple(replace(finding, setting=gait) for finding in findings)
+    )
 
 
 def _q4(measures: dict[str, Measures]) -> Finding:
@@ -158,8 +172,10 @@ def _q4(measures: dict[str, Measures]) -> Finding:
     return Finding(
         CLAIMS["Q4"],
         judge(without.fell and not with_thrust.fell),
-        f"without thrusters {'falls' if without.fell else 'does not fall'} after {without.duration_s:.2f} s; with them "
-        f"{'falls' if with_thrust.fell else 'walks'} {with_thrust.distance_m:.2f} m in {with_thrust.duration_s:.1f} s",
+        f"without thrusters {'falls' if without.fell else 'does not fall'} after "
+        f"{without.duration_s:.2f} s; with them "
+        f"{'falls' if with_thrust.fell else 'walks'} {with_thrust.distance_m:.2f} m in "
+        f"{with_thrust.duration_s:.1f} s",
         "python -m reproduction paper",
         {
             "without_duration_s": without.duration_s,
@@ -171,13 +187,16 @@ def _q4(measures: dict[str, Measures]) -> Finding:
 
 def _q5(measures: dict[str, Measures]) -> Finding:
     free = measures["no governor"]
-    name = min(("measured", "tracked"), key=lambda n: (measures[n].fell, measures[n].slip_mm_per_step))
+    name = min(
+        ("measured", "tracked"), key=lambda n: (measures[n].fell, measures[n].slip_mm_per_step)
+    )
     best = measures[name]
     holds = not best.fell and best.slip_mm_per_step <= 8.0 and best.late_slip_mm_per_step <= 1.0
     return Finding(
         CLAIMS["Q5"],
         judge(holds, not best.fell and best.slip_mm_per_step < free.slip_mm_per_step),
-        f"{best.slip_mm_per_step:.2f} mm per step, {best.late_slip_mm_per_step:.2f} of them after 50 ms ({name}); "
+        f"{best.slip_mm_per_step:.2f} mm per step, {best.late_slip_mm_per_step:.2f} of them after "
+        f"50 ms ({name}); "
         f"without a governor {free.slip_mm_per_step:.2f} and {free.late_slip_mm_per_step:.2f}",
         "python -m reproduction paper",
         {
@@ -197,20 +216,30 @@ def _ending(run: Run) -> str:
 def _q6(run: Run) -> Finding:
     violated = model_rows(run, mu=MU, reference="x_r")[:, NORMAL] < 0.0
     target = float(np.mean(violated))
-    when = f"; first at t = {run['t'][int(violated.argmax())]:.2f} s, {_ending(run)}" if target > 0.0 else ""
+    when = (
+        f"; first at t = {run['t'][int(violated.argmax())]:.2f} s, {_ending(run)}"
+        if target > 0.0
+        else ""
+    )
     applied = float(np.mean(model_rows(run, mu=MU, reference="x_w")[:, NORMAL] < 0.0))
     return Finding(
         CLAIMS["Q6"],
         judge(target > 0.01 and applied < 0.5 * target, target > 0.0),
-        f"under 20 N at {100 * target:.2f} % of the ticks with the target reference, at {100 * applied:.2f} % with the "
+        f"under 20 N at {100 * target:.2f} % of the ticks with the target reference, at "
+        f"{100 * applied:.2f} % with the "
         f"applied one{when}",
         "python -m reproduction paper",
         {"target_share": target, "applied_share": applied},
     )
 
 
-def _q7(chatter: dict[tuple[str, int], tuple[Chattering, Chattering]], runs: dict[str, Run]) -> Finding:
-    rates_of = {n: [chatter[n, divide][0].reversals_per_s for divide in DIVISORS] for n in ("measured", "tracked")}
+def _q7(
+    chatter: dict[tuple[str, int], tuple[Chattering, Chattering]], runs: dict[str, Run]
+) -> Finding:
+    rates_of = {
+        n: [chatter[n, divide][0].reversals_per_s for divide in DIVISORS]
+        for n in ("measured", "tracked")
+    }
     name = max(rates_of, key=lambda n: _growth(rates_of[n]))
     rates, growth = rates_of[name], _growth(rates_of[name])
     listed = ", ".join(f"{rate:.1f}" for rate in rates)
@@ -219,7 +248,10 @@ def _q7(chatter: dict[tuple[str, int], tuple[Chattering, Chattering]], runs: dic
         judge(growth >= 1.5, growth >= 1.1),
         f"{listed} reversals per second at Δt, Δt/2, Δt/4 ({name}; {_ending(runs[name])})",
         "python -m reproduction paper --out DIR",
-        {"growth": growth, **{f"reversals_per_s_{d}": r for d, r in zip(DIVISORS, rates, strict=True)}},
+        {
+            "growth": growth,
+            **{f"reversals_per_s_{d}": r for d, r in zip(DIVISORS, rates, strict=True)},
+        },
     )
 
 
@@ -250,7 +282,8 @@ def study_gait(robot: Robot) -> dict[str, str]:
         s = PlanarWalk(model, found.gait, ground=ground).run(DURATION)
         how = f"falls after {s.steps:.1f} steps" if s.fell else f"walks {s.steps:.1f} steps"
         rows[title] = (
-            f"{how} at {s.speed:.3f} m/s, height {s.height_min:.3f} to {s.height_max:.3f} m, pitch up to "
+            f"{how} at {s.speed:.3f} m/s, height {s.height_min:.3f} to {s.height_max:.3f} m, pitch "
+            f"up to "
             f"{s.pitch_max:.3f} rad, slip {s.slip:.2f} mm per step"
         )
         if path != PAPER_CURVES_GAIT and mu == 0.25:
@@ -259,7 +292,8 @@ def study_gait(robot: Robot) -> dict[str, str]:
             for memory, kind in ((False, "without the PID's integrals"), (True, "with them")):
                 p = analyse_periodicity(model, found.gait, ground=ground, memory=memory)
                 rows[f"{name}, spectral radius of the Poincaré map, {kind}"] = (
-                    f"{p.spectral_radius:.3f} ({p.spread[0]:.3f} to {p.spread[1]:.3f} over the difference steps), "
+                    f"{p.spectral_radius:.3f} ({p.spread[0]:.3f} to {p.spread[1]:.3f} over the "
+                    f"difference steps), "
                     f"residual of the fixed point {p.residual:.1e}"
                 )
     return rows
@@ -270,12 +304,14 @@ REPETITIONS = 3
 
 
 def study_cost(run: Run, robot: Robot, gait_name: str, *, mu: float) -> Finding:
-    """Claim Q8: replay a governed walk's states through the governor and through the whole-body program.
+    """Claim Q8: replay a governed walk's states through the governor and through the whole-body
+    program.
 
-    The program is solved by ProxQP, and by this library's own search, which was made for it. The claim is judged by
-    the faster of the two.
+    The program is solved by ProxQP, and by this library's own search, which was made for it. The
+    claim is judged by the faster of the two.
 
-    The full measurement, with whole ticks and phases, is ``python -m comparison``; this one is what the report needs.
+    The full measurement, with whole ticks and phases, is ``python -m comparison``; this one is what
+    the report needs.
 
     Args:
         run: of the governed controller.
@@ -288,7 +324,9 @@ def study_cost(run: Run, robot: Robot, gait_name: str, *, mu: float) -> Finding:
         raise InputError("there is no governor to time", name="governor")
     measured, targets = _measured(run), run["x_r"]
     gait = make_named_gait(robot, gait_name)
-    controller = WholeBodyController(gait, WholeBodyParameters.for_gait(gait, limits={"mu": mu}, solver="active_set"))
+    controller = WholeBodyController(
+        gait, WholeBodyParameters.for_gait(gait, limits={"mu": mu}, solver="active_set")
+    )
     program = controller.problem.program
     solvers = [make_solver(name, program) for name in ("active_set", "proxqp")]
     ratios, updates, failed = [], [], 0
@@ -310,7 +348,10 @@ def study_cost(run: Run, robot: Robot, gait_name: str, *, mu: float) -> Finding:
                 for k in range(len(run)):
                     state = State(
                         float(run["t"][k]),
-                        *(run[name][k] for name in ("q", "v", "foot_position", "foot_velocity", "foot_force")),
+                        *(
+                            run[name][k]
+                            for name in ("q", "v", "foot_position", "foot_velocity", "foot_force")
+                        ),
                     )
                     controller.prepare(state)
                     controller.build(state)
@@ -331,8 +372,10 @@ def study_cost(run: Run, robot: Robot, gait_name: str, *, mu: float) -> Finding:
     return Finding(
         CLAIMS["Q8"],
         judge(ratio <= 0.1, ratio <= 0.5),
-        f"a governor update takes {update / proxqp:.2g} of the program's solve by ProxQP and {ratio:.2g} of that by "
-        f"our own search: medians {update:.2f}, {proxqp:.1f} and {solve:.1f} µs over {len(run)} states, "
+        f"a governor update takes {update / proxqp:.2g} of the program's solve by ProxQP and "
+        f"{ratio:.2g} of that by "
+        f"our own search: medians {update:.2f}, {proxqp:.1f} and {solve:.1f} µs over {len(run)} "
+        f"states, "
         f"{failed} solves failed",
         "python -m comparison",
         {"ratio": ratio, "update_us": update, "own_search_us": solve, "proxqp_us": proxqp},

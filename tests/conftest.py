@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import os
 
-os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before NumPy: its threads cost small matrices ten times the time
+os.environ.setdefault(
+    "OPENBLAS_NUM_THREADS", "1"
+)  # before NumPy: its threads cost small matrices ten times the time
 
 import signal
 import subprocess
@@ -26,7 +28,9 @@ import harpy_pin as hp
 from harpy_pin.kernels import kernels
 from harpy_pin.view.page.film import SWITCHES
 
-if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # as in a job that a shell runs in the background
+if (
+    signal.getsignal(signal.SIGINT) is signal.SIG_IGN
+):  # as in a job that a shell runs in the background
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
 hypothesis.settings.register_profile(
@@ -55,7 +59,8 @@ _NEEDS = "needs "
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """The comparison first, which takes longest; with ``--needing`` only tests that need what it names.
+    """The comparison first, which takes longest; with ``--needing`` only tests that need what it
+    names.
 
     Tests marked ``long`` run only with ``--long``.
     """
@@ -94,7 +99,8 @@ def pytest_terminal_summary(terminalreporter: Any) -> None:
 
 @pytest.hookimpl(optionalhook=True)
 def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
-    """With ``-n 2`` (pytest-xdist) a file stays in one process, and the files of the comparison stay together.
+    """With ``-n 2`` (pytest-xdist) a file stays in one process, and the files of the comparison
+    stay together.
 
     The files are begun in the order of :func:`pytest_collection_modifyitems`.
     """
@@ -112,14 +118,22 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     """``--long``, ``--fuzz N`` and ``--needing NAME,NAME``."""
-    parser.addoption("--long", action="store_true", help="also run the tests marked long, most of which compile much")
-    parser.addoption("--fuzz", type=int, default=1, metavar="N", help="multiply the number of random cases by N")
+    parser.addoption(
+        "--long",
+        action="store_true",
+        help="also run the tests marked long, most of which compile much",
+    )
+    parser.addoption(
+        "--fuzz", type=int, default=1, metavar="N", help="multiply the number of random cases by N"
+    )
     told = "only the tests that need this, which must be there; may be repeated"
     parser.addoption("--needing", action="append", default=[], choices=CHECKS, help=told)
 
 
 class _Waiting:
-    """In the place of the threads that compile: the turn of what is begun never comes, so that calls compile."""
+    """In the place of the threads that compile: the turn of what is begun never comes, so that
+    calls compile.
+    """
 
     def __call__(self) -> _Waiting:
         return self
@@ -135,7 +149,8 @@ class _Waiting:
 
 @pytest.fixture(scope="session", autouse=True)
 def compiled_when_called() -> Iterator[Callable[[], object]]:
-    """Kernels are compiled when they are called, not ahead: most that are prepared are called by no test.
+    """Kernels are compiled when they are called, not ahead: most that are prepared are called by no
+    test.
 
     Returns:
         The function that has the threads, for tests of what is compiled in the background.
@@ -147,7 +162,9 @@ def compiled_when_called() -> Iterator[Callable[[], object]]:
 
 
 @pytest.fixture
-def compiled_ahead(compiled_when_called: Callable[[], object], monkeypatch: pytest.MonkeyPatch) -> None:
+def compiled_ahead(
+    compiled_when_called: Callable[[], object], monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Kernels are compiled in the background, as users have it."""
     monkeypatch.setattr(kernels, "_workers", compiled_when_called)
 
@@ -182,7 +199,9 @@ def sled(tmp_path_factory: pytest.TempPathFactory) -> hp.Robot:
 
 @pytest.fixture(scope="session")
 def draw_state(robot: hp.Robot):  # type: ignore[no-untyped-def]
-    """A function of a random generator: configuration (joints within limits) and velocity of Harpy."""
+    """A function of a random generator: configuration (joints within limits) and velocity of
+    Harpy.
+    """
 
     def draw(rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
         q = np.empty(13)
@@ -213,7 +232,16 @@ def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The wheel of this checkout."""
     folder = tmp_path_factory.mktemp("wheel")
     root = str(Path(__file__).resolve().parents[1])
-    build = [sys.executable, "-m", "build", "--wheel", "--no-isolation", "--outdir", str(folder), root]
+    build = [
+        sys.executable,
+        "-m",
+        "build",
+        "--wheel",
+        "--no-isolation",
+        "--outdir",
+        str(folder),
+        root,
+    ]
     subprocess.run(build, check=True, capture_output=True, timeout=600)
     (built,) = folder.glob("*.whl")
     return built
@@ -221,7 +249,9 @@ def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def browser() -> Iterator[Any]:
-    """Playwright's headless Chromium, which reaches this machine only; while it is open, an event loop runs."""
+    """Playwright's headless Chromium, which reaches this machine only; while it is open, an event
+    loop runs.
+    """
     playwright = pytest.importorskip("playwright.sync_api", reason="playwright drives the browser")
     with playwright.sync_playwright() as started:
         browser = started.chromium.launch(executable_path=chromium(), args=SWITCHES)
@@ -233,8 +263,8 @@ def browser() -> Iterator[Any]:
 def whole_document(tmp_path_factory: pytest.TempPathFactory) -> dict[str, object]:
     """A result of the comparison, as small as it gets.
 
-    Two numbers of faces give a slope, and one robot from elsewhere, where it is installed, shows that there may be
-    others.
+    Two numbers of faces give a slope, and one robot from elsewhere, where it is installed, shows
+    that there may be others.
     """
     root = str(Path(__file__).resolve().parents[1])
     if root not in sys.path:

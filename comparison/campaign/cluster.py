@@ -29,7 +29,10 @@ if TYPE_CHECKING:
 
 SECONDS = 5.0
 """How long a scheduler may take to answer, and to have a worker."""
-START = "install the same checkout there, and start workers by: dask worker ADDRESS --nworkers=-1 --nthreads=1"
+START = (
+    "install the same checkout there, and start workers by: dask worker ADDRESS --nworkers=-1 "
+    "--nthreads=1"
+)
 GOES_ON = "the same command goes on with what is kept"
 
 
@@ -72,7 +75,9 @@ def _on_workers(
         yield from client.get_executor(pure=False).map(work, jobs)
 
 
-def _walked(walk: Callable[[Any], dict[str, Any]], here: Mapping[str, str], job: Any) -> dict[str, Any]:
+def _walked(
+    walk: Callable[[Any], dict[str, Any]], here: Mapping[str, str], job: Any
+) -> dict[str, Any]:
     """A row, on a worker, which may have come after the others were compared."""
     from distributed import get_worker
 
@@ -101,7 +106,9 @@ def _connected(scheduler: str) -> Iterator[Client]:
             raise HarpyError(f"the scheduler {scheduler} is gone; {GOES_ON}") from error
         except KilledWorker as error:
             last = error.last_worker.address
-            raise HarpyError(f"workers died of the same walk, the last one was {last}; {GOES_ON}") from error
+            raise HarpyError(
+                f"workers died of the same walk, the last one was {last}; {GOES_ON}"
+            ) from error
 
 
 def _require_same_everywhere(client: Client) -> None:
@@ -111,7 +118,9 @@ def _require_same_everywhere(client: Client) -> None:
     except TimeoutError as error:
         raise HarpyError(f"the scheduler has no workers: {START}") from error
     except ImportError as error:
-        raise HarpyError(f"the scheduler cannot read what is to be walked: {error}; {START}") from error
+        raise HarpyError(
+            f"the scheduler cannot read what is to be walked: {error}; {START}"
+        ) from error
     require_same(identity(), client.run(identity, on_error="return"))
 
 
@@ -128,13 +137,18 @@ def require_same(here: Mapping[str, str], workers: Mapping[str, Any]) -> None:
     for address, there in workers.items():
         if isinstance(there, Exception):
             raise HarpyError(f"the worker {address} cannot walk: {reason(there)}; {START}")
-        other = [f"{name} {there[name]} (here {here[name]})" for name in here if there[name] != here[name]]
+        other = [
+            f"{name} {there[name]} (here {here[name]})"
+            for name in here
+            if there[name] != here[name]
+        ]
         if other:
             raise HarpyError(f"the worker {address} is refused for its {', '.join(other)}; {START}")
 
 
 def identity(dask_worker: Worker | None = None) -> dict[str, str]:
-    """What decides the rows of this process: versions, code, arithmetic, and threads that walk in it.
+    """What decides the rows of this process: versions, code, arithmetic, and threads that walk in
+    it.
 
     Args:
         dask_worker: the worker that this process is; it passes itself.

@@ -1,4 +1,6 @@
-"""How large a campaign is, what it varies, and its walks: every contender walks the same scenarios."""
+"""How large a campaign is, what it varies, and its walks: every contender walks the same
+scenarios.
+"""
 
 from __future__ import annotations
 
@@ -34,8 +36,14 @@ WALKING = (
 JOINT_DAMPING = 0.1
 """Of every joint of the packaged robot, N·m·s/rad; the authors' own model has 5."""
 
-ENGINES: dict[str, PlantPart] = {"compliant": Compliant(), "mujoco": Mujoco(), "mujoco default": Mujoco("default")}
-"""In which walks are walked; the last one has MuJoCo's default contact, whatever the ground's stiffness."""
+ENGINES: dict[str, PlantPart] = {
+    "compliant": Compliant(),
+    "mujoco": Mujoco(),
+    "mujoco default": Mujoco("default"),
+}
+"""In which walks are walked; the last one has MuJoCo's default contact, whatever the ground's
+stiffness.
+"""
 
 
 class Factor(NamedTuple):
@@ -52,28 +60,44 @@ class Factor(NamedTuple):
         """A level, from its key in the summary, with a word for its factor: ``push 2 N·s``."""
         if self.levels == "plants":
             return key.replace("mujoco", "MuJoCo") if "mujoco" in key else f"{key} engine"
-        return self.zero if self.zero and key == "0" else self.pattern.format(self.scale * float(key))
+        return (
+            self.zero if self.zero and key == "0" else self.pattern.format(self.scale * float(key))
+        )
 
 
 FACTORS = {
     "friction": Factor("frictions", "friction of the ground", "μ {:g}", None),
     "push": Factor("pushes", "lateral push", "push {:g} N·s", 0.0),
     "mass_error": Factor("mass_errors", "error of the body's mass", "mass {:+.0f} %", 0.0, 100.0),
-    "friction_error": Factor("friction_errors", "error of the assumed friction", "μ error {:+.0f} %", 0.0, 100.0),
+    "friction_error": Factor(
+        "friction_errors", "error of the assumed friction", "μ error {:+.0f} %", 0.0, 100.0
+    ),
     "noise": Factor("noises", "measurement noise", "noise × {:g}", 0.0),
     "delay": Factor("delays", "delay of the measurements", "delay {:g} ms", 0.0, 1e3),
-    "stiffness": Factor("stiffnesses", "stiffness of the ground", "ground {:g} kN/m", Ground.stiffness, 1e-3),
+    "stiffness": Factor(
+        "stiffnesses", "stiffness of the ground", "ground {:g} kN/m", Ground.stiffness, 1e-3
+    ),
     "damping": Factor("dampings", "damping of the ground", "damping × {:g}", 1.0),
     "plant": Factor("plants", "engine", "", Compliant.name),
     "speed": Factor("speeds", "speed", "speed {:g} m/s", Straight().speed),
     "ice": Factor("ices", "strip of ice", "ice, μ {:g}", 0.0, zero="no ice"),
-    "joint_damping": Factor("joint_dampings", "damping of the joints", "joint damping {:g}", JOINT_DAMPING),
-    "torque_share": Factor(
-        "torque_shares", "torque limits of the motors", "torque × {:g}", 1.0, zero="torque unclipped"
+    "joint_damping": Factor(
+        "joint_dampings", "damping of the joints", "joint damping {:g}", JOINT_DAMPING
     ),
-    "bandwidth": Factor("bandwidths", "bandwidth of the motors", "motors {:g} Hz", 0.0, zero="motors without lag"),
+    "torque_share": Factor(
+        "torque_shares",
+        "torque limits of the motors",
+        "torque × {:g}",
+        1.0,
+        zero="torque unclipped",
+    ),
+    "bandwidth": Factor(
+        "bandwidths", "bandwidth of the motors", "motors {:g} Hz", 0.0, zero="motors without lag"
+    ),
 }
-"""A further factor comes last: each draws from the generator of its place, so that earlier ones are drawn as before."""
+"""A further factor comes last: each draws from the generator of its place, so that earlier ones are
+drawn as before.
+"""
 
 _ERRORS = ("mass_error", "friction_error")
 _POSITIVE = ("stiffness", "speed")
@@ -90,9 +114,9 @@ def level_key(level: float | str) -> str:
 class CampaignSettings:
     """How large the campaign is and what it varies.
 
-    Each scenario draws one level of every factor, each level of a factor equally often; one that is given twice is
-    drawn twice as often. A longer campaign contains a shorter one of the same seed. What the levels are is said at
-    :class:`~comparison.campaign.plan.Task`.
+    Each scenario draws one level of every factor, each level of a factor equally often; one that is
+    given twice is drawn twice as often. A longer campaign contains a shorter one of the same seed.
+    What the levels are is said at :class:`~comparison.campaign.plan.Task`.
     """
 
     walks: int = 420  # in total, rounded up to whole scenarios (each is walked by every contender)
@@ -127,7 +151,9 @@ class CampaignSettings:
                     checks.one_of("plant", value, ENGINES)
                 else:
                     least, strict = -1.0 if name in _ERRORS else 0.0, name in (*_ERRORS, *_POSITIVE)
-                    checks.number(name.replace("_", " "), value, low=least, high=_MOST, strict=strict)
+                    checks.number(
+                        name.replace("_", " "), value, low=least, high=_MOST, strict=strict
+                    )
         checks.number("jitter", self.jitter, low=0.0)
 
     @classmethod
@@ -169,19 +195,22 @@ KINDS: dict[str, dict[str, Any]] = {
 }
 """Campaigns by name: settings that differ from the plain one's.
 
-In the wide one everything varies, ground, engine and speed as well, from a seed of its own. Its levels keep apart from
-those that settings are known to have been chosen on, but for the default ground and walks without any error or push
-(docs/simulation.md). With 210 scenarios every level of every factor is drawn equally often. The same scenarios are
-walked by every tuned variant with published and with found settings. The harsh one varies the motors and has MuJoCo's
-default contact, too, from its own seed: torques are clipped to the same limits for all, and what it adds is as usual in
-about half of the scenarios.
+In the wide one everything varies, ground, engine and speed as well, from a seed of its own. Its
+levels keep apart from those that settings are known to have been chosen on, but for the default
+ground and walks without any error or push (docs/simulation.md). With 210 scenarios every level of
+every factor is drawn equally often. The same scenarios are walked by every tuned variant with
+published and with found settings. The harsh one varies the motors and has MuJoCo's default contact,
+too, from its own seed: torques are clipped to the same limits for all, and what it adds is as usual
+in about half of the scenarios.
 """
 
 QUICK: dict[str, Any] = {"walks": 63, "duration": 2.5}
 """Fewer and shorter walks of any kind: to see whether it works, not to quote."""
 
 _DRAWING = 2
-"""Version of how scenarios are drawn; part of the generators' seed, so that raising it draws other ones."""
+"""Version of how scenarios are drawn; part of the generators' seed, so that raising it draws other
+ones.
+"""
 
 _Level = TypeVar("_Level")
 
@@ -193,24 +222,32 @@ class Task:
     contender: str  # who walks, see :mod:`comparison.contenders`
     friction: float  # static coefficient of the ground
     push: float  # lateral impulse in mid-stance, N·s
-    mass_error: float  # relative: the simulated body has 1 + error times the mass (and inertia) that is believed
+    # relative: the simulated body has 1 + error times the mass (and inertia) that is believed
+    mass_error: float
     friction_error: float  # relative, of what the controller assumes
-    noise: float  # scale of the measurement noise (:meth:`harpy_pin.simulation.sensors.Noise.typical`)
+    noise: (
+        float  # scale of the measurement noise (:meth:`harpy_pin.simulation.sensors.Noise.typical`)
+    )
     delay: float  # age of the measurements, s
     stiffness: float  # of the ground, N/m, known to the walk
     damping: float  # of the ground, in multiples of that of the paper's damping ratio
     plant: str  # the engine, of :data:`~comparison.campaign.plan.ENGINES`
     speed: float  # m/s
-    ice: float  # friction coefficient of a strip in mid-walk that no controller knows of; 0 where there is none
+    # friction coefficient of a strip in mid-walk that no controller knows of; 0 where there is none
+    ice: float
     joint_damping: float = JOINT_DAMPING  # of every joint, N·m·s/rad, known to the controllers
-    torque_share: float = 0.0  # of the peak torque, largest of the motors, known to the controllers; 0 clips nothing
+    torque_share: float = (
+        0.0  # of the peak torque, largest of the motors, known to the controllers; 0 clips nothing
+    )
     bandwidth: float = 0.0  # of the motors, Hz, not known; 0 where torques are there at once
     jitter: float  # standard deviation of the starting velocity, m/s
     seed: int  # draws the push's side and step, the starting velocity and the noise
     duration: float  # s
 
     def key(self, code: str) -> str:
-        """Identifies the walk: hash of its fields and of the code that does it (see :func:`code_digest`)."""
+        """Identifies the walk: hash of its fields and of the code that does it (see
+        :func:`code_digest`).
+        """
         text = json.dumps({"code": code, **asdict(self)}, sort_keys=True)
         return hashlib.sha256(text.encode()).hexdigest()[:24]
 
@@ -221,10 +258,14 @@ def plan(settings: CampaignSettings) -> list[Task]:
     # One generator per factor: how many levels one factor has does not change the order of another.
     streams = np.random.default_rng([settings.seed, _DRAWING]).spawn(len(FACTORS))
     levels = [getattr(settings, factor.levels) for factor in FACTORS.values()]
-    drawn = [_balanced(some, scenarios, stream) for some, stream in zip(levels, streams, strict=True)]
+    drawn = [
+        _balanced(some, scenarios, stream) for some, stream in zip(levels, streams, strict=True)
+    ]
     tasks, same = [], {"jitter": settings.jitter, "duration": settings.duration}
     for i, scenario in enumerate(zip(*drawn, strict=True)):
-        factors: dict[str, Any] = dict(zip(FACTORS, scenario, strict=True), seed=1000 * settings.seed + i, **same)
+        factors: dict[str, Any] = dict(
+            zip(FACTORS, scenario, strict=True), seed=1000 * settings.seed + i, **same
+        )
         tasks += [Task(contender=name, **factors) for name in settings.contenders]
     return tasks
 
@@ -249,14 +290,18 @@ def code_files() -> dict[str, Path]:
 
 @cache
 def code_digest() -> str:
-    """Hash of everything that decides the outcome of a walk: :func:`code_files`, the robot, the versions used.
+    """Hash of everything that decides the outcome of a walk: :func:`code_files`, the robot, the
+    versions used.
 
-    Rows of other code are never mixed with today's; a campaign is resumed only by the code that began it.
+    Rows of other code are never mixed with today's; a campaign is resumed only by the code that
+    began it.
     """
     total = hashlib.sha256()
     for name, path in sorted(code_files().items()):
         total.update(name.encode() + b"\0" + path.read_bytes())
     total.update(harpy_urdf().read_bytes() + TUNED_FILE.read_bytes())
-    versions = {k: v for k, v in describe_versions().items() if k != "machine"} | {"mujoco": installed_version()}
+    versions = {k: v for k, v in describe_versions().items() if k != "machine"} | {
+        "mujoco": installed_version()
+    }
     total.update(json.dumps(versions, sort_keys=True, default=str).encode())
     return total.hexdigest()[:24]

@@ -31,7 +31,9 @@ class Store:
         try:
             self._file = path.open("ab")
         except OSError as error:
-            raise RunFileError(f"cannot write '{path}': {error.strerror or error}", path=path) from error
+            raise RunFileError(
+                f"cannot write '{path}': {error.strerror or error}", path=path
+            ) from error
         try:
             _lock(self._file.fileno(), path)
             self.rows, whole = read_rows(path)
@@ -48,7 +50,9 @@ class Store:
         self._file.close()
 
     def append(self, key: str, row: dict[str, Any]) -> None:
-        """Write a row and wait until it is on the disk; a key that is there already is left as it is."""
+        """Write a row and wait until it is on the disk; a key that is there already is left as it
+        is.
+        """
         if key in self.rows:
             return
         line = json.dumps({"key": key, **row}, sort_keys=True, allow_nan=False) + "\n"
@@ -57,7 +61,9 @@ class Store:
             self._file.flush()
             os.fsync(self._file.fileno())
         except OSError as error:
-            raise RunFileError(f"cannot write '{self.path}': {error.strerror or error}", path=self.path) from error
+            raise RunFileError(
+                f"cannot write '{self.path}': {error.strerror or error}", path=self.path
+            ) from error
         self.rows[key] = row
 
 
@@ -69,10 +75,11 @@ def do_missing(
     *,
     alone: Container[str] = (),
 ) -> None:
-    """Do the jobs that a store lacks; the row of each is stored as soon as it and all before it are done.
+    """Do the jobs that a store lacks; the row of each is stored as soon as it and all before it are
+    done.
 
-    Many are done in processes of their own, or by a cluster, but for those whose keys are in ``alone``. These come last
-    among the jobs.
+    Many are done in processes of their own, or by a cluster, but for those whose keys are in
+    ``alone``. These come last among the jobs.
     """
     missing, total = [key for key in jobs if key not in store.rows], len(jobs)
     progress(total - len(missing), total)
@@ -84,19 +91,25 @@ def do_missing(
 
 
 def read_rows(path: Path) -> tuple[dict[str, dict[str, Any]], int]:
-    """Rows by key, and how many bytes of the file are whole lines; a last line that is not whole is left out."""
+    """Rows by key, and how many bytes of the file are whole lines; a last line that is not whole is
+    left out.
+    """
     try:
         data = path.read_bytes()
     except OSError as error:
         raise RunFileError(f"cannot read '{path}': {error.strerror or error}", path=path) from error
     lines = data.split(b"\n")
     rows: dict[str, dict[str, Any]] = {}
-    for number, line in enumerate(lines[:-1], start=1):  # what follows the last newline is not whole
+    for number, line in enumerate(
+        lines[:-1], start=1
+    ):  # what follows the last newline is not whole
         try:
             row = json.loads(line)
             key = row.pop("key")
         except (ValueError, AttributeError, KeyError, TypeError):
-            raise RunFileError(f"line {number} of '{path}' is not a row of a campaign", path=path) from None
+            raise RunFileError(
+                f"line {number} of '{path}' is not a row of a campaign", path=path
+            ) from None
         rows.setdefault(str(key), row)
     if not b'{"'.startswith(lines[-1][:2]):
         raise RunFileError(f"the end of '{path}' is not a row of a campaign", path=path)

@@ -1,4 +1,6 @@
-"""What came out of a campaign: shares and medians with their intervals, by contender and by level, and its tables."""
+"""What came out of a campaign: shares and medians with their intervals, by contender and by level,
+and its tables.
+"""
 
 from __future__ import annotations
 
@@ -29,7 +31,12 @@ _WHOLE = {
     "thrust_rms_n": ("thrust, rms", "N"),
 }
 _COLUMNS = {
-    **{"walks": ("walks", ""), "falls": ("falls", ""), "fall_time_s": ("time of fall", "s"), **_WHOLE},
+    **{
+        "walks": ("walks", ""),
+        "falls": ("falls", ""),
+        "fall_time_s": ("time of fall", "s"),
+        **_WHOLE,
+    },
     "slip_mean_mm": ("slip of walks without a fall, mean", "mm"),
     "slip_largest_mm": ("largest", "mm"),
     "solver_failures": ("failed solves", ""),
@@ -40,10 +47,15 @@ _MEASURES = ("fell", "fall_time_s", "solver_failures", "solver_fallbacks", *_WHO
 _SPLIT = ("delay", "plant", "joint_damping", "torque_share", "bandwidth")
 """Factors by whose levels falls are counted in the table of variants."""
 
-_NOTE = "In brackets: 95 % confidence interval over the drawn scenarios. A walk that fell counts up to its fall."
+_NOTE = (
+    "In brackets: 95 % confidence interval over the drawn scenarios. A walk that fell counts "
+    "up to its fall."
+)
 _OF_VARIANTS = (
-    "Falls in all, and by level; intervals are of 95 %. The median of slip counts a fall as more than any, the mean "
-    "leaves out walks that fell. Tracking: median of the body's rms distance from its target, up to a fall. Thrust: "
+    "Falls in all, and by level; intervals are of 95 %. The median of slip counts a fall as more "
+    "than any, the mean "
+    "leaves out walks that fell. Tracking: median of the body's rms distance from its target, up "
+    "to a fall. Thrust: "
     "median of its rms. "
     "Tuned: with the settings that 'python -m comparison tune' found on other walks."
 )
@@ -62,10 +74,16 @@ def summarise_rows(tasks: Sequence[Task], rows: Mapping[str, Mapping[str, Any]])
     for key, task in planned.items():
         if key in rows:
             measures = rows[key].get("measures")
-            if not isinstance(measures, dict) or not all(isinstance(measures.get(n, ""), _VALUE) for n in _MEASURES):
-                raise RunFileError(f"the row '{key}' of the campaign does not hold its measures; delete its line")
+            if not isinstance(measures, dict) or not all(
+                isinstance(measures.get(n, ""), _VALUE) for n in _MEASURES
+            ):
+                raise RunFileError(
+                    f"the row '{key}' of the campaign does not hold its measures; delete its line"
+                )
             found.append({**asdict(task), **measures})
-    frame = pd.DataFrame(found, columns=list(found[0]) if found else ["contender", "seed", *FACTORS, *_MEASURES])
+    frame = pd.DataFrame(
+        found, columns=list(found[0]) if found else ["contender", "seed", *FACTORS, *_MEASURES]
+    )
     names = list(dict.fromkeys(task.contender for task in tasks))
     factors: dict[str, Any] = {}
     for factor in FACTORS:
@@ -86,13 +104,21 @@ def summarise_rows(tasks: Sequence[Task], rows: Mapping[str, Mapping[str, Any]])
 
 
 def _of_level(part: pd.DataFrame) -> dict[str, Any]:
-    return {"walks": len(part), "falls": _share(part.fell), "slip_mm_per_step": _median(part.slip_mm_per_step)}
+    return {
+        "walks": len(part),
+        "falls": _share(part.fell),
+        "slip_mm_per_step": _median(part.slip_mm_per_step),
+    }
 
 
 def _of(part: pd.DataFrame) -> dict[str, Any]:
-    """What all walks together came to; in the median of slip and its ends a fall is more slip than any."""
+    """What all walks together came to; in the median of slip and its ends a fall is more slip than
+    any.
+    """
     fell = part.fell.astype(bool)
-    slips: Vector = part.slip_mm_per_step.astype(float).where(~fell, np.inf).dropna().to_numpy(dtype=float)
+    slips: Vector = (
+        part.slip_mm_per_step.astype(float).where(~fell, np.inf).dropna().to_numpy(dtype=float)
+    )
     ends = _interval(slips)
     return {
         **_of_level(part),
@@ -102,7 +128,9 @@ def _of(part: pd.DataFrame) -> dict[str, Any]:
         "slip_mean_mm": _statistic(part.slip_mm_per_step[~fell].mean()),
         "slip_largest_mm": _statistic(part.slip_mm_per_step[~fell].max()),
         "slip_median_mm": _statistic(float(np.median(slips))) if len(slips) else None,
-        "slip_interval_mm": None if np.isnan(ends).any() else ["fell" if np.isinf(end) else end for end in ends],
+        "slip_interval_mm": None
+        if np.isnan(ends).any()
+        else ["fell" if np.isinf(end) else end for end in ends],
         "solver_failures": int(part.solver_failures.sum()),
         "solver_fallbacks": int(part.solver_fallbacks.sum()),
     }
@@ -116,20 +144,29 @@ def exceptions_of(frame: pd.DataFrame) -> list[dict[str, Any]]:
             ``slip_mm_per_step`` and the factors.
 
     Returns:
-        For each: ``seed``, ``fell`` (when, by WBC, s), ``stood`` (slip in mm per step of those without optimum, by
-        contender) and ``levels`` (key of the level, by factor; those with one level only are left out).
+        For each: ``seed``, ``fell`` (when, by WBC, s), ``stood`` (slip in mm per step of those
+            without optimum, by
+        contender) and ``levels`` (key of the level, by factor; those with one level only are left
+        out).
     """
     varied = [factor for factor in FACTORS if frame[factor].nunique() > 1]
     found = []
     for seed, walks in frame.groupby("seed"):
         whole_body = walks[walks.contender.isin(WHOLE_BODY) & walks.fell.astype(bool)]
-        others = walks[~walks.contender.str.split("/").str[0].isin(("condensed", "wbc")) & ~walks.fell.astype(bool)]
+        others = walks[
+            ~walks.contender.str.split("/").str[0].isin(("condensed", "wbc"))
+            & ~walks.fell.astype(bool)
+        ]
         if len(whole_body) and len(others):
             found.append(
                 {
                     "seed": int(str(seed)),
-                    "fell": dict(zip(whole_body.contender, whole_body.fall_time_s.astype(float), strict=True)),
-                    "stood": dict(zip(others.contender, others.slip_mm_per_step.astype(float), strict=True)),
+                    "fell": dict(
+                        zip(whole_body.contender, whole_body.fall_time_s.astype(float), strict=True)
+                    ),
+                    "stood": dict(
+                        zip(others.contender, others.slip_mm_per_step.astype(float), strict=True)
+                    ),
                     "levels": {factor: level_key(walks[factor].iloc[0]) for factor in varied},
                 }
             )
@@ -138,16 +175,25 @@ def exceptions_of(frame: pd.DataFrame) -> list[dict[str, Any]]:
 
 def summary_tables(summary: Mapping[str, Any]) -> list[Table]:
     """The tables of a summary: all contenders, then falls and slip by the levels of each factor."""
-    whole = [cell for name, entry in summary["whole"].items() for cell in in_columns(label(name), entry, _COLUMNS)]
+    whole = [
+        cell
+        for name, entry in summary["whole"].items()
+        for cell in in_columns(label(name), entry, _COLUMNS)
+    ]
     title = f"Campaign: {summary['done']} of {summary['planned']} walks; shares and medians"
     tables = [Table("campaign", title, tuple(whole), _NOTE)]
     for factor, levels in summary["factors"].items():
-        for key, what, unit in (("falls", "share of falls", ""), ("slip_mm_per_step", "median slip per step", "mm")):
+        for key, what, unit in (
+            ("falls", "share of falls", ""),
+            ("slip_mm_per_step", "median slip per step", "mm"),
+        ):
             cells = [
                 cell
                 for level, row_of in levels.items()
                 for name, entry in row_of.items()
-                for cell in in_columns(label(name), entry, {key: (FACTORS[factor].text(level), unit)})
+                for cell in in_columns(
+                    label(name), entry, {key: (FACTORS[factor].text(level), unit)}
+                )
             ]
             title = f"Campaign: {what}{', ' if unit else ''}{unit}, by {FACTORS[factor].name}"
             tables.append(Table(f"campaign_{factor}_{key}", title, tuple(cells)))
@@ -159,7 +205,11 @@ def variants_table(summary: Mapping[str, Any]) -> Table:
     cells = []
     for name, entry in summary["whole"].items():
         row, share, ends = label(name), entry["falls"], entry["slip_interval_mm"]
-        low_high = None if share["low"] is None else f"{100.0 * share['low']:.0f} to {100.0 * share['high']:.0f} %"
+        low_high = (
+            None
+            if share["low"] is None
+            else f"{100.0 * share['low']:.0f} to {100.0 * share['high']:.0f} %"
+        )
         cells += in_columns(row, entry, {"walks": ("walks", ""), "fell": ("fell", "")})
         cells.append(Cell(row, "fell, 95 %", low_high))
         for factor in _SPLIT:
@@ -171,7 +221,11 @@ def variants_table(summary: Mapping[str, Any]) -> Table:
             "fell" if entry["walks"] and entry[key] is None else entry[key]
             for key in ("slip_median_mm", "slip_mean_mm")
         )
-        interval = None if ends is None else " to ".join(e if isinstance(e, str) else number_text(e, 2) for e in ends)
+        interval = (
+            None
+            if ends is None
+            else " to ".join(e if isinstance(e, str) else number_text(e, 2) for e in ends)
+        )
         cells += [Cell(row, "slip, median", median, "mm"), Cell(row, "slip, 95 %", interval, "mm")]
         cells.append(Cell(row, "slip, mean", mean, "mm"))
         cells.append(Cell(row, "tracking", entry["tracking_rms_mm"]["value"], "mm"))
@@ -205,4 +259,7 @@ def _median(values: pd.Series[float]) -> dict[str, float | None]:
     """Median with its interval."""
     known = values.dropna().to_numpy(dtype=float)
     ends = map(_statistic, _interval(known))
-    return {"value": float(np.median(known)) if len(known) else None, **dict(zip(("low", "high"), ends, strict=True))}
+    return {
+        "value": float(np.median(known)) if len(known) else None,
+        **dict(zip(("low", "high"), ends, strict=True)),
+    }

@@ -1,7 +1,8 @@
-"""The walks of a campaign: what one is, how all are done, in processes of their own, and why a controller fell.
+"""The walks of a campaign: what one is, how all are done, in processes of their own, and why a
+controller fell.
 
-Exceptions are scenarios in which a whole-body controller falls and somebody else stands; their reasons are the levels
-without which it stands, too.
+Exceptions are scenarios in which a whole-body controller falls and somebody else stands; their
+reasons are the levels without which it stands, too.
 """
 
 from __future__ import annotations
@@ -31,7 +32,16 @@ from comparison.campaign.summary import WHOLE_BODY, summarise_rows
 from comparison.contenders import controller_part, label
 from comparison.measure.walking import ALONE, Progress, silent, walk_as_far_as_it_goes
 from comparison.tables import Cell, Table, number_text
-from harpy_pin import Actuators, Disturbances, Ground, Scenario, Straight, load_harpy, make_gait, measure
+from harpy_pin import (
+    Actuators,
+    Disturbances,
+    Ground,
+    Scenario,
+    Straight,
+    load_harpy,
+    make_gait,
+    measure,
+)
 from harpy_pin.errors import HarpyError, install_line
 from harpy_pin.files import finite
 from harpy_pin.gaits import StraightGait
@@ -58,20 +68,26 @@ MEASURES = (
 """What is kept of :class:`harpy_pin.log.Measures`."""
 
 ICE = (0.4, 0.7)
-"""Where the strip of ice begins and ends, as shares of the way that the walk is to go: about two steps."""
+"""Where the strip of ice begins and ends, as shares of the way that the walk is to go: about two
+steps.
+"""
 
 
 def walk_task(task: Task) -> dict[str, Any]:
     """Walk the scenario of a task, and measure.
 
     Returns:
-        The measures :data:`MEASURES`, ``fall_time_s`` (None without a fall) and ``ending``. A controller that fails
-        counts as a fall at that moment.
+        The measures :data:`MEASURES`, ``fall_time_s`` (None without a fall) and ``ending``. A
+        controller that fails counts as a fall at that moment.
     """
     run = walk_as_far_as_it_goes(scenario(task))
     measures, fell = measure(run).as_dict(), run.ending != "completed"
     row: dict[str, Any] = {name: measures[name] for name in MEASURES}
-    return row | {"fell": fell, "fall_time_s": measures["duration_s"] if fell else None, "ending": run.ending}
+    return row | {
+        "fell": fell,
+        "fall_time_s": measures["duration_s"] if fell else None,
+        "ending": run.ending,
+    }
 
 
 def scenario(task: Task) -> Scenario:
@@ -81,7 +97,9 @@ def scenario(task: Task) -> Scenario:
     start = task.jitter * rng.standard_normal(2)
     push = draw_push(task, gait, rng)
     begin, end = (share * task.speed * task.duration for share in ICE)
-    ice = ((begin, end, min(task.ice, task.friction)),) if task.ice else ()  # no less slippery than what is beside it
+    ice = (
+        ((begin, end, min(task.ice, task.friction)),) if task.ice else ()
+    )  # no less slippery than what is beside it
     ground = Ground(mu_s=task.friction, stiffness=task.stiffness, friction_strips=ice)
     assert ground.damping is not None
     return Scenario(
@@ -96,7 +114,9 @@ def scenario(task: Task) -> Scenario:
             noise=Noise.typical(task.noise),
             delay=task.delay,
             seed=task.seed,
-            actuators=Actuators(torque_share=task.torque_share or None, bandwidth=task.bandwidth or None),
+            actuators=Actuators(
+                torque_share=task.torque_share or None, bandwidth=task.bandwidth or None
+            ),
         ),
         duration=task.duration,
         urdf=None if task.joint_damping == JOINT_DAMPING else damped_harpy(task.joint_damping),
@@ -120,15 +140,20 @@ _folder = cache(TemporaryDirectory)
 
 @cache
 def damped_harpy(joint_damping: float) -> str:
-    """Path of Harpy's URDF with this damping in every joint, N·m·s/rad; the file is deleted when the process ends."""
-    text = re.sub(r'damping="[^"]*"', f'damping="{joint_damping:g}"', harpy_urdf().read_text(encoding="utf-8"))
+    """Path of Harpy's URDF with this damping in every joint, N·m·s/rad; the file is deleted when
+    the process ends.
+    """
+    text = re.sub(
+        r'damping="[^"]*"', f'damping="{joint_damping:g}"', harpy_urdf().read_text(encoding="utf-8")
+    )
     path = Path(_folder().name) / f"{joint_damping:g}.urdf"
     path.write_text(text, encoding="utf-8")
     return str(path)
 
 
 def draw_push(task: Task, gait: StraightGait, rng: np.random.Generator) -> Push:
-    """The lateral push of a task: its side and its step are drawn; its middle is the middle of single support.
+    """The lateral push of a task: its side and its step are drawn; its middle is the middle of
+    single support.
 
     It is never in the first step, nor in the last two, so that the walk after the push is seen.
     """
@@ -145,29 +170,41 @@ def _gait() -> StraightGait:
     return make_gait(load_harpy())
 
 
-def run_campaign(settings: CampaignSettings, path: Path, *, progress: Progress = silent) -> dict[str, Any]:
+def run_campaign(
+    settings: CampaignSettings, path: Path, *, progress: Progress = silent
+) -> dict[str, Any]:
     """Do the walks that the file lacks, and summarise those of this campaign.
 
-    The rows are kept in a file of JSON lines; those of other settings or other code in it are left aside.
+    The rows are kept in a file of JSON lines; those of other settings or other code in it are left
+    aside.
     """
     tasks = plan(settings)
     with Store(path) as store:
         execute(tasks, store, progress=progress)
         summary = summarise_rows(tasks, store.rows)
-    result: dict[str, Any] = finite({"settings": asdict(settings), "code": code_digest(), **summary})
+    result: dict[str, Any] = finite(
+        {"settings": asdict(settings), "code": code_digest(), **summary}
+    )
     return result
 
 
 def execute(tasks: Sequence[Task], store: Store, *, progress: Progress = silent) -> None:
-    """Do every walk that the store does not have yet; each is stored as soon as it and all before it are done."""
+    """Do every walk that the store does not have yet; each is stored as soon as it and all before
+    it are done.
+    """
     code = code_digest()
     planned = {task.key(code): task for task in tasks}
     missing = [task for key, task in planned.items() if key not in store.rows]
-    if installed_version() is None and any(isinstance(ENGINES[task.plant], Mujoco) for task in missing):
-        raise HarpyError(f"some of the walks are in MuJoCo, which is not installed: {install_line('mujoco')}")
+    if installed_version() is None and any(
+        isinstance(ENGINES[task.plant], Mujoco) for task in missing
+    ):
+        raise HarpyError(
+            f"some of the walks are in MuJoCo, which is not installed: {install_line('mujoco')}"
+        )
     if len(missing) > ALONE:
         for task in {(task.contender, task.plant): task for task in missing}.values():
-            # A moment of each contender's walk compiles here, once, what the workers then read from the cache.
+            # A moment of each contender's walk compiles here, once, what the workers then read from
+            # the cache.
             walk_task(replace(task, duration=0.01, push=0.0))
     do_missing(store, planned, _row, progress)
 
@@ -176,27 +213,40 @@ def _row(task: Task) -> dict[str, Any]:
     return {"task": asdict(task), "measures": walk_task(task)}
 
 
-USUAL: dict[str, Any] = {name: factor.usual for name, factor in FACTORS.items() if factor.usual is not None}
+USUAL: dict[str, Any] = {
+    name: factor.usual for name, factor in FACTORS.items() if factor.usual is not None
+}
 """The level of each factor at which nothing is unusual; friction has none."""
 
 _NOTE = (
-    "By seed. 'Who' slipped least of those that stood. 'Stands without': the levels without any one of which all WBCs "
+    "By seed. 'Who' slipped least of those that stood. 'Stands without': the levels without any "
+    "one of which all WBCs "
     "that fell stand."
 )
 
 
 def variations(task: Task) -> dict[str, Task]:
     """The walk with one factor as usual, by the factor; factors that are as usual are left out."""
-    unusual = (factor for factor in FACTORS if factor in USUAL and getattr(task, factor) != USUAL[factor])
+    unusual = (
+        factor for factor in FACTORS if factor in USUAL and getattr(task, factor) != USUAL[factor]
+    )
     return {factor: replace(task, **{factor: USUAL[factor]}) for factor in unusual}
 
 
 def with_reasons(
-    exceptions: Sequence[Mapping[str, Any]], tasks: Sequence[Task], path: Path, *, progress: Progress = silent
+    exceptions: Sequence[Mapping[str, Any]],
+    tasks: Sequence[Task],
+    path: Path,
+    *,
+    progress: Progress = silent,
 ) -> list[dict[str, Any]]:
-    """Exceptions with ``reasons``: texts of the levels without any one of which the controllers that fell stand."""
+    """Exceptions with ``reasons``: texts of the levels without any one of which the controllers
+    that fell stand.
+    """
     code, by_place = code_digest(), {(task.seed, task.contender): task for task in tasks}
-    fell = [(entry, [by_place[entry["seed"], name] for name in entry["fell"]]) for entry in exceptions]
+    fell = [
+        (entry, [by_place[entry["seed"], name] for name in entry["fell"]]) for entry in exceptions
+    ]
     walks = [other for _, those in fell for task in those for other in variations(task).values()]
     with Store(path) as store:
         execute(walks, store, progress=progress)
@@ -221,10 +271,17 @@ def exceptions_table(summary: Mapping[str, Any]) -> Table:
         row = str(entry["seed"])
         least = min(entry["stood"], key=entry["stood"].get)
         cells += [
-            *(Cell(row, f"{label(name)} fell at", entry["fell"].get(name), "s") for name in WHOLE_BODY),
+            *(
+                Cell(row, f"{label(name)} fell at", entry["fell"].get(name), "s")
+                for name in WHOLE_BODY
+            ),
             Cell(row, "others that stood", len(entry["stood"])),
             Cell(row, "their least slip", entry["stood"][least], "mm"),
-            Cell(row, "scenario", ", ".join(FACTORS[factor].text(key) for factor, key in entry["levels"].items())),
+            Cell(
+                row,
+                "scenario",
+                ", ".join(FACTORS[factor].text(key) for factor, key in entry["levels"].items()),
+            ),
             Cell(row, "who", f"{label(least)}, {number_text(entry['stood'][least])} mm"),
             Cell(row, "stands without", " or ".join(entry.get("reasons", ())) or None),
         ]

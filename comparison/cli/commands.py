@@ -1,4 +1,6 @@
-"""The commands that are not studies: the comparison itself, campaigns, the search for settings, other libraries."""
+"""The commands that are not studies: the comparison itself, campaigns, the search for settings,
+other libraries.
+"""
 
 from __future__ import annotations
 
@@ -13,9 +15,24 @@ from comparison.campaign.cluster import workers
 from comparison.campaign.plan import KINDS, QUICK, CampaignSettings, plan
 from comparison.campaign.summary import variants_table
 from comparison.campaign.walks import exceptions_table, run_campaign, with_reasons
-from comparison.cli.output import NO_EVIDENCE, NumbersFile, Quick, Scheduler, print_tables, stages, writing
+from comparison.cli.output import (
+    NO_EVIDENCE,
+    NumbersFile,
+    Quick,
+    Scheduler,
+    print_tables,
+    stages,
+    writing,
+)
 from comparison.contenders import VARIANTS
-from comparison.peers.compare import QUICK_CASES, QUICK_RECORDING, RECORDING, compare_peers, peer_tables, unanswered
+from comparison.peers.compare import (
+    QUICK_CASES,
+    QUICK_RECORDING,
+    RECORDING,
+    compare_peers,
+    peer_tables,
+    unanswered,
+)
 from comparison.peers.environment import PEERS, WORLDS, default_folder
 from comparison.peers.environment import install as install_peer
 from comparison.report.answer import answer_of, passed
@@ -31,29 +48,43 @@ def whole(
     context: typer.Context,
     quick: Quick = False,
     out: Annotated[
-        str, typer.Option("--out", metavar="DIR", help="Folder for report.html, results.json and .csv, campaign.jsonl.")
+        str,
+        typer.Option(
+            "--out",
+            metavar="DIR",
+            help="Folder for report.html, results.json and .csv, campaign.jsonl.",
+        ),
     ] = "out/comparison",
     force: Force = False,
     json: NumbersFile = None,
     figures: Annotated[
-        Path | None, typer.Option("--figures", metavar="DIR", help="Also save pareto.png and growth.png there.")
+        Path | None,
+        typer.Option("--figures", metavar="DIR", help="Also save pareto.png and growth.png there."),
     ] = None,
-    seed: Annotated[int, typer.Option(help="Seed of the pushes and of the order in which controllers are timed.")] = 0,
-    friction: Annotated[float, typer.Option(help="Friction coefficient of the walks whose states are timed.")] = 0.25,
-    duration: Annotated[float | None, typer.Option(help="Length of a walk, s.  [default: 6, with --quick 2]")] = None,
+    seed: Annotated[
+        int,
+        typer.Option(help="Seed of the pushes and of the order in which controllers are timed."),
+    ] = 0,
+    friction: Annotated[
+        float, typer.Option(help="Friction coefficient of the walks whose states are timed.")
+    ] = 0.25,
+    duration: Annotated[
+        float | None, typer.Option(help="Length of a walk, s.  [default: 6, with --quick 2]")
+    ] = None,
     scheduler: Scheduler = None,
 ) -> None:
     """Compare reference governors, the condensed controller and a QP whole-body controller.
 
-    Walks of the same robot are recorded. Their states are then replayed through every controller and timed: the
-    complete tick, its phases, isolated governor updates and isolated solves. Every timed command is checked against an
-    untimed one. Then every controller walks a campaign of randomly drawn scenarios. The command prints its answer:
-    which controllers keep the feet from slipping, and what a tick costs. One HTML page has all tables and figures, what
-    was checked, and the limitations; JSON and CSV files have every number.
+    Walks of the same robot are recorded. Their states are then replayed through every controller
+    and timed: the complete tick, its phases, isolated governor updates and isolated solves. Every
+    timed command is checked against an untimed one. Then every controller walks a campaign of
+    randomly drawn scenarios. The command prints its answer: which controllers keep the feet from
+    slipping, and what a tick costs. One HTML page has all tables and figures, what was checked, and
+    the limitations; JSON and CSV files have every number.
 
-    The full run takes some minutes. Do not use the machine for other work meanwhile: other processes change the medians
-    little, but the tails a lot. Walks of the campaign that an earlier run of the same code left in the folder are not
-    repeated.
+    The full run takes some minutes. Do not use the machine for other work meanwhile: other
+    processes change the medians little, but the tails a lot. Walks of the campaign that an earlier
+    run of the same code left in the folder are not repeated.
     """
     if context.invoked_subcommand is not None:
         return
@@ -67,27 +98,49 @@ def whole(
         document |= compare(settings, progress, rows=folder.place("campaign.jsonl"))
     write_report(folder, document)
     if figures is not None:
-        for name, figure in figures_of({table.name: table for table in tables_of(document)}).items():
+        for name, figure in figures_of(
+            {table.name: table for table in tables_of(document)}
+        ).items():
             with replacing(figures / f"{name}.png") as file:
                 file.write(picture_of(figure))
-    typer.echo(answer_of(document).to_string(folder.path / "report.html") + (f"\n{NO_EVIDENCE}" if quick else ""))
+    typer.echo(
+        answer_of(document).to_string(folder.path / "report.html")
+        + (f"\n{NO_EVIDENCE}" if quick else "")
+    )
     if not passed(document):
-        typer.echo("error: a timed command was not what it should be; do not use these times", err=True)
+        typer.echo(
+            "error: a timed command was not what it should be; do not use these times", err=True
+        )
         raise typer.Exit(1)
 
 
-_DAMPING = "Damping of every joint, N·m·s/rad, known to the controllers; the authors' own model has 5."
+_DAMPING = (
+    "Damping of every joint, N·m·s/rad, known to the controllers; the authors' own model has 5."
+)
 
 
 def campaign(
-    kind: Annotated[str, typer.Argument(metavar="KIND", help=f"One of {', '.join(KINDS)}.")] = "plain",
+    kind: Annotated[
+        str, typer.Argument(metavar="KIND", help=f"One of {', '.join(KINDS)}.")
+    ] = "plain",
     quick: Quick = False,
-    joint_damping: Annotated[float | None, typer.Option(metavar="D", help=f"{_DAMPING}  [default: 0.1]")] = None,
-    walks: Annotated[int | None, typer.Option(metavar="N", help="Number of walks.  [default: by kind]")] = None,
-    duration: Annotated[float | None, typer.Option(help="Length of a walk, s.  [default: 5]")] = None,
-    seed: Annotated[int | None, typer.Option(help="Seed of the scenarios.  [default: by kind]")] = None,
+    joint_damping: Annotated[
+        float | None, typer.Option(metavar="D", help=f"{_DAMPING}  [default: 0.1]")
+    ] = None,
+    walks: Annotated[
+        int | None, typer.Option(metavar="N", help="Number of walks.  [default: by kind]")
+    ] = None,
+    duration: Annotated[
+        float | None, typer.Option(help="Length of a walk, s.  [default: 5]")
+    ] = None,
+    seed: Annotated[
+        int | None, typer.Option(help="Seed of the scenarios.  [default: by kind]")
+    ] = None,
     out: Annotated[
-        Path, typer.Option("--out", metavar="FILE", help="File for the finished walks, one line of JSON each.")
+        Path,
+        typer.Option(
+            "--out", metavar="FILE", help="File for the finished walks, one line of JSON each."
+        ),
     ] = Path("campaign.jsonl"),
     json: NumbersFile = None,
     scheduler: Scheduler = None,
@@ -95,62 +148,98 @@ def campaign(
     """Walk every controller and governor through drawn scenarios.
 
     All walk the same ones.
-    Scenarios vary the friction of the ground, lateral pushes, the body's mass and the friction that the controller
-    assumes. "wide": wider ranges, noise, delay, ice, stiffness and damping of the ground, speed and engine, from a seed
-    that nothing was tuned on. "variants": the same scenarios, walked by every variant of the paper's governor and by
-    what it is compared with, with published settings and with those that "tune" found. "harsh": what "wide" varies,
-    joint damping, weak and slow motors, and MuJoCo's default contact; every variant walks, too, with the same torque
-    limits. All but "plain" need MuJoCo. Every finished walk is written to disk at once, so a campaign that was stopped
-    continues when the same command is given again. Rows of other settings or other code in the file are ignored.
+    Scenarios vary the friction of the ground, lateral pushes, the body's mass and the friction that
+    the controller assumes. "wide": wider ranges, noise, delay, ice, stiffness and damping of the
+    ground, speed and engine, from a seed that nothing was tuned on. "variants": the same scenarios,
+    walked by every variant of the paper's governor and by what it is compared with, with published
+    settings and with those that "tune" found. "harsh": what "wide" varies, joint damping, weak and
+    slow motors, and MuJoCo's default contact; every variant walks, too, with the same torque
+    limits. All but "plain" need MuJoCo. Every finished walk is written to disk at once, so a
+    campaign that was stopped continues when the same command is given again. Rows of other settings
+    or other code in the file are ignored.
     """
     checks.one_of("kind", kind, KINDS)
     check_writable(out)
     damped = None if joint_damping is None else (joint_damping,)
-    given: dict[str, Any] = {"walks": walks, "duration": duration, "seed": seed, "joint_dampings": damped}
+    given: dict[str, Any] = {
+        "walks": walks,
+        "duration": duration,
+        "seed": seed,
+        "joint_dampings": damped,
+    }
     given = {name: value for name, value in given.items() if value is not None}
     settings = CampaignSettings.of(kind, **((QUICK if quick else {}) | given))
     with writing(json) as summary, stages() as progress, workers(scheduler):
         summary |= run_campaign(settings, out, progress=partial(progress, "campaign"))
         if kind == "harsh":
             again = partial(progress, "reasons")
-            summary["exceptions"] = with_reasons(summary["exceptions"], plan(settings), out, progress=again)
-    print_tables([variants_table(summary), *([exceptions_table(summary)] if kind == "harsh" else [])], quick=quick)
+            summary["exceptions"] = with_reasons(
+                summary["exceptions"], plan(settings), out, progress=again
+            )
+    print_tables(
+        [variants_table(summary), *([exceptions_table(summary)] if kind == "harsh" else [])],
+        quick=quick,
+    )
 
 
 def tune(
     budget: Annotated[
-        int, typer.Option(metavar="N", help="Settings that each variant gets, the published ones among them.")
+        int,
+        typer.Option(
+            metavar="N", help="Settings that each variant gets, the published ones among them."
+        ),
     ] = TuneSettings.budget,
-    train: Annotated[int, typer.Option(metavar="N", help="Walks of each setting.")] = TuneSettings.train,
+    train: Annotated[
+        int, typer.Option(metavar="N", help="Walks of each setting.")
+    ] = TuneSettings.train,
     judge: Annotated[
-        int, typer.Option(metavar="N", help="Walks, apart from those, of the published and of the best settings.")
+        int,
+        typer.Option(
+            metavar="N", help="Walks, apart from those, of the published and of the best settings."
+        ),
     ] = TuneSettings.judge,
     duration: Annotated[float, typer.Option(help="Length of a walk, s.")] = TuneSettings.duration,
-    joint_damping: Annotated[float, typer.Option(metavar="D", help=_DAMPING)] = TuneSettings.joint_damping,
+    joint_damping: Annotated[
+        float, typer.Option(metavar="D", help=_DAMPING)
+    ] = TuneSettings.joint_damping,
     seed: Annotated[int, typer.Option(help="Seed of the proposed settings.")] = TuneSettings.seed,
     only: Annotated[
         list[str] | None,
-        typer.Option("--only", metavar="VARIANT", help=f"This one; may be given several times: {', '.join(VARIANTS)}."),
+        typer.Option(
+            "--only",
+            metavar="VARIANT",
+            help=f"This one; may be given several times: {', '.join(VARIANTS)}.",
+        ),
     ] = None,
     out: Annotated[
-        Path, typer.Option("--out", metavar="FILE", help="File for the tried settings, one line of JSON each.")
+        Path,
+        typer.Option(
+            "--out", metavar="FILE", help="File for the tried settings, one line of JSON each."
+        ),
     ] = Path("tune.jsonl"),
     json: NumbersFile = None,
 ) -> None:
     """Search settings of every variant of the paper's governor.
 
     And of what it is compared with.
-    Each variant gets the same number of settings: the published ones, random ones, then changes of the best so far.
-    Governed variants also try the gains that were found without a governor.
-    Fewest falls come first; among equals the least mean of log(1 + slip in mm per step) + tracking error in metres
-    decides. The walks are drawn as those of the wide campaign, from other seeds; what is found is judged on further
-    walks. Every tried setting is written to disk at once, so a search that was stopped continues when the same command
-    is given again. --budget 20 --train 12 --judge 24 takes minutes, the default an hour or more. Needs MuJoCo.
+    Each variant gets the same number of settings: the published ones, random ones, then changes of
+    the best so far. Governed variants also try the gains that were found without a governor.
+    Fewest falls come first; among equals the least mean of log(1 + slip in mm per step) + tracking
+    error in metres decides. The walks are drawn as those of the wide campaign, from other seeds;
+    what is found is judged on further walks. Every tried setting is written to disk at once, so a
+    search that was stopped continues when the same command is given again. --budget 20 --train
+    12 --judge 24 takes minutes, the default an hour or more. Needs MuJoCo.
     """
     check_writable(out)
     who = tuple(only) if only else TuneSettings.variants
     settings = TuneSettings(
-        budget=budget, train=train, judge=judge, duration=duration, joint_damping=joint_damping, seed=seed, variants=who
+        budget=budget,
+        train=train,
+        judge=judge,
+        duration=duration,
+        joint_damping=joint_damping,
+        seed=seed,
+        variants=who,
     )
     with writing(json) as document, stages() as progress:
         document |= search_settings(settings, out, partial(progress, "settings"))
@@ -161,22 +250,30 @@ def peers(
     install: Annotated[
         bool,
         typer.Option(
-            "--install", help="Install the peers in environments of their own, then exit: with 1 if one cannot be."
+            "--install",
+            help="Install the peers in environments of their own, then exit: with 1 if one cannot "
+            "be.",
         ),
     ] = False,
     folder: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="Folder of these environments.  [default: in the user's cache]")
+        Path | None,
+        typer.Option(
+            metavar="DIR", help="Folder of these environments.  [default: in the user's cache]"
+        ),
     ] = None,
     quick: Quick = False,
     json: NumbersFile = None,
-    friction: Annotated[float, typer.Option(help="Friction coefficient of Harpy's ground.")] = FRICTION,
+    friction: Annotated[
+        float, typer.Option(help="Friction coefficient of Harpy's ground.")
+    ] = FRICTION,
 ) -> None:
     """Time other libraries' controllers on our program.
 
-    Robots stand and are pushed, and walk. Their states, and what our controllers ask for at each, are handed to placo
-    and TSID, which need other versions of Pinocchio than this library: each runs in a virtual environment of its own,
-    which --install makes once. A contender has to find the solution before its times count; one that does not, or
-    fails, makes the command end with exit code 1, after all tables. This takes some minutes.
+    Robots stand and are pushed, and walk. Their states, and what our controllers ask for at each,
+    are handed to placo and TSID, which need other versions of Pinocchio than this library: each
+    runs in a virtual environment of its own, which --install makes once. A contender has to find
+    the solution before its times count; one that does not, or fails, makes the command end with
+    exit code 1, after all tables. This takes some minutes.
     """
     folder = default_folder() if folder is None else folder
     if install:
@@ -208,15 +305,18 @@ def _install(folder: Path) -> None:
 
 
 def public(
-    data: Annotated[Path, typer.Option("--data", metavar="DIR", help="Folder with your clones of the repositories.")],
+    data: Annotated[
+        Path,
+        typer.Option("--data", metavar="DIR", help="Folder with your clones of the repositories."),
+    ],
     quick: Quick = False,
     json: NumbersFile = None,
 ) -> None:
     """Measure on benchmarks that no one here wrote.
 
-    Reads clones of mpc_qpbenchmark and maros_meszaros_qpbenchmark, and says which is missing and how to get it. Our
-    dual active-set method solves the programs beside quadprog, DAQP, PIQP, ProxQP and Clarabel, to the tolerances of
-    qpbenchmark. This takes some minutes.
+    Reads clones of mpc_qpbenchmark and maros_meszaros_qpbenchmark, and says which is missing and
+    how to get it. Our dual active-set method solves the programs beside quadprog, DAQP, PIQP,
+    ProxQP and Clarabel, to the tolerances of qpbenchmark. This takes some minutes.
     """
     from comparison.public.study import measure_public, public_tables  # needs an extra
 
@@ -227,13 +327,17 @@ def public(
 
 
 def recorded(
-    data: Annotated[Path, typer.Option("--data", metavar="DIR", help="Folder with your clones of the repositories.")],
+    data: Annotated[
+        Path,
+        typer.Option("--data", metavar="DIR", help="Folder with your clones of the repositories."),
+    ],
     json: NumbersFile = None,
 ) -> None:
     """Estimate the state on a log that no one here recorded.
 
-    Reads clones of Contact-Aided-Invariant-EKF and cassie_description (UMich-BipedLab): Cassie walks ten seconds in
-    the simulation of the filter's authors, felt by an inertial unit, encoders and contacts.
+    Reads clones of Contact-Aided-Invariant-EKF and cassie_description (UMich-BipedLab): Cassie
+    walks ten seconds in the simulation of the filter's authors, felt by an inertial unit, encoders
+    and contacts.
     """
     from comparison.public.cassie import estimate_log, recorded_tables
 

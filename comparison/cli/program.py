@@ -22,7 +22,9 @@ app = typer.Typer(
     rich_markup_mode=None,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-_MISSING = " and ".join(repr(name) for name in ("pandas", "jinja2", "qpsolvers") if find_spec(name) is None)
+_MISSING = " and ".join(
+    repr(name) for name in ("pandas", "jinja2", "qpsolvers") if find_spec(name) is None
+)
 _HINT = f"the comparison needs {_MISSING}: {install_line('compare')}" if _MISSING else ""
 
 
@@ -39,14 +41,19 @@ def _complete(command: Callable[..., None]) -> Callable[..., None]:
 
 
 _EXAMPLE = "Example:  python -m comparison"
-app.callback(invoke_without_command=True, epilog=_HINT or f"{_EXAMPLE} --quick --out out/quick")(_complete(whole))
+app.callback(invoke_without_command=True, epilog=_HINT or f"{_EXAMPLE} --quick --out out/quick")(
+    _complete(whole)
+)
 
 _COMMANDS: dict[Callable[..., None], str] = {
     campaign: "campaign --quick --out campaign.jsonl",
     peers: "peers --install && python -m comparison peers --json peers.json",
     public: "public --data clones --json public.json",
     recorded: "recorded --data clones --json recorded.json",
-    **{command_of(study): f"{name} {study.example or f'--json {name}.json'}" for name, study in STUDIES.items()},
+    **{
+        command_of(study): f"{name} {study.example or f'--json {name}.json'}"
+        for name, study in STUDIES.items()
+    },
     tune: "tune --budget 20 --train 12 --judge 24 --json tuned.json",
     results: "results wide harsh --data out/results",
 }

@@ -56,7 +56,10 @@ _COMPARED: Mapping[str, str] = {
     **CAMPAIGNS,
     **SEARCHES,
     **CLONED,
-    **{name: f"{name} --figure docs/images/{DRAWN[name]}.png" if name in DRAWN else name for name in STUDIES},
+    **{
+        name: f"{name} --figure docs/images/{DRAWN[name]}.png" if name in DRAWN else name
+        for name in STUDIES
+    },
     "worlds": f"worlds --clones out/clones --figure docs/images/{DRAWN['worlds']}.png",
 }
 SOURCES: Mapping[str, str] = {
@@ -91,25 +94,34 @@ def tables_from(source: str, document: Mapping[str, Any]) -> list[Table]:
 
 def results(
     sources: Annotated[
-        list[str] | None, typer.Argument(metavar="SOURCE", help=f"Measure this one first; any of {', '.join(SOURCES)}.")
+        list[str] | None,
+        typer.Argument(
+            metavar="SOURCE", help=f"Measure this one first; any of {', '.join(SOURCES)}."
+        ),
     ] = None,
     data: Annotated[
-        Path, typer.Option("--data", metavar="DIR", help="Folder of all measurements; what it has is not repeated.")
+        Path,
+        typer.Option(
+            "--data", metavar="DIR", help="Folder of all measurements; what it has is not repeated."
+        ),
     ] = Path("out/results"),
 ) -> None:
     """Fill the tables of README and docs from docs/results.
 
-    Above each table a comment says from which command it comes, and which rows and columns it shows. A source that is
-    named is measured, and its tables are recorded in docs/results. Without one, pages are filled from what is recorded.
-    All together take some hours; "embedded", "peers" and "worlds" need what their own help says, "public", "recorded"
-    and "worlds" clones in out/clones.
+    Above each table a comment says from which command it comes, and which rows and columns it
+    shows. A source that is named is measured, and its tables are recorded in docs/results. Without
+    one, pages are filled from what is recorded. All together take some hours; "embedded", "peers"
+    and "worlds" need what their own help says, "public", "recorded" and "worlds" clones in
+    out/clones.
     """
     for source in sources or ():
         checks.one_of("source", source, SOURCES)
     failed = [source for source in sources or () if not measured(source, data)]
     fill_pages(ROOT, FOLDER)
     if failed:
-        raise HarpyError(f"these commands failed, and their tables are as before: {', '.join(failed)}")
+        raise HarpyError(
+            f"these commands failed, and their tables are as before: {', '.join(failed)}"
+        )
 
 
 def fill_pages(root: Path, folder: Path) -> None:
@@ -140,11 +152,15 @@ def recorded(folder: Path) -> Any:
 
 
 def measured(source: str, data: Path, folder: Path = FOLDER) -> bool:
-    """Run the command of a source, unless the folder of data has what it writes, and record its tables."""
+    """Run the command of a source, unless the folder of data has what it writes, and record its
+    tables.
+    """
     try:
         data.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise RunFileError(f"cannot make the folder '{data}': {error.strerror}", path=data) from error
+        raise RunFileError(
+            f"cannot make the folder '{data}': {error.strerror}", path=data
+        ) from error
     path, words = data.resolve() / f"{source}.json", SOURCES[source].split()
     if not path.exists():
         kept = path.with_suffix("" if source in FOLDERS else ".jsonl")

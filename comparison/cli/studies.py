@@ -18,8 +18,12 @@ from comparison.cli.output import NumbersFile, Quick, Scheduler, print_tables, s
 from comparison.study import Study
 from harpy_pin.files import check_writable
 
-_FILES = [import_module(f"{studies.__name__}.{file.name}") for file in iter_modules(studies.__path__)]
-STUDIES: dict[str, Study] = {file.STUDY.name: file.STUDY for file in _FILES if hasattr(file, "STUDY")}
+_FILES = [
+    import_module(f"{studies.__name__}.{file.name}") for file in iter_modules(studies.__path__)
+]
+STUDIES: dict[str, Study] = {
+    file.STUDY.name: file.STUDY for file in _FILES if hasattr(file, "STUDY")
+}
 """By name: every file of :mod:`comparison.studies` that has a ``STUDY``."""
 MOST = 100_000
 """Largest number that an option takes."""
@@ -31,15 +35,23 @@ def command_of(study: Study) -> Callable[..., None]:
     def command(
         quick: Quick = False,
         only: Annotated[
-            list[str] | None, typer.Option("--only", metavar="NAME", help="This one; may be given several times.")
+            list[str] | None,
+            typer.Option("--only", metavar="NAME", help="This one; may be given several times."),
         ] = None,
         out: Annotated[
             Path | None,
-            typer.Option("--out", metavar="FILE", help="Keep what is finished here; the same command goes on with it."),
+            typer.Option(
+                "--out",
+                metavar="FILE",
+                help="Keep what is finished here; the same command goes on with it.",
+            ),
         ] = None,
         json: NumbersFile = None,
         figure: Annotated[
-            Path | None, typer.Option("--figure", metavar="FILE", help="Also draw this figure, such as map.png.")
+            Path | None,
+            typer.Option(
+                "--figure", metavar="FILE", help="Also draw this figure, such as map.png."
+            ),
         ] = None,
         scheduler: Scheduler = None,
         **options: Any,
@@ -49,20 +61,30 @@ def command_of(study: Study) -> Callable[..., None]:
         chosen: dict[str, Any] = {study.only: tuple(only)} if only else {}
         chosen |= {name: value for name, value in options.items() if value is not None}
         with writing(json) as document, stages() as progress, workers(scheduler):
-            document["walks"] = rows = study.run(partial(progress, study.name), quick=quick, path=out, **chosen)
+            document["walks"] = rows = study.run(
+                partial(progress, study.name), quick=quick, path=out, **chosen
+            )
         print_tables(study.tables(rows), quick=quick)
         if figure is not None:
             study.figure(rows).savefig(figure)
 
-    lacking = {"only": not study.only, "figure": study.draw is None, "scheduler": study.jobs is Study.jobs}
+    lacking = {
+        "only": not study.only,
+        "figure": study.draw is None,
+        "scheduler": study.jobs is Study.jobs,
+    }
     *parameters, _ = inspect.signature(command, eval_str=True).parameters.values()
     kept = [parameter for parameter in parameters if not lacking.get(parameter.name)]
     for name, text in study.options.items():
         default = study.defaults[name]
         within: dict[str, Any] = {"min": 0, "max": MOST} if isinstance(default, int) else {}
         text += f"  [default: {default}]" if default else ""
-        option: Any = Annotated[type(default) | None, typer.Option(f"--{name}", help=text, **within)]
-        kept.append(inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=None, annotation=option))
+        option: Any = Annotated[
+            type(default) | None, typer.Option(f"--{name}", help=text, **within)
+        ]
+        kept.append(
+            inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=None, annotation=option)
+        )
     command.__signature__ = inspect.Signature(kept)  # type: ignore[attr-defined]
     command.__annotations__ = {parameter.name: parameter.annotation for parameter in kept}
     command.__name__, command.__doc__ = study.name, study.help

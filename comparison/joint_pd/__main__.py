@@ -1,8 +1,9 @@
-"""The search for the gains of the joint PD controller: ``python -m comparison.joint_pd go2`` writes them for a robot.
+"""The search for the gains of the joint PD controller: ``python -m comparison.joint_pd go2`` writes
+them for a robot.
 
-Every robot has gains of its own, found on walks apart from those that judge: the same kinds, drawn from another seed.
-The search begins with those found before, and the better ones stay. The whole-body controllers have one set of settings
-for all robots, and none was searched.
+Every robot has gains of its own, found on walks apart from those that judge: the same kinds, drawn
+from another seed. The search begins with those found before, and the better ones stay. The
+whole-body controllers have one set of settings for all robots, and none was searched.
 """
 
 from __future__ import annotations
@@ -35,7 +36,9 @@ WALKS = (*zip(KINDS, (0, 2, 1), strict=True), *zip(KINDS, (2, 5, 3), strict=True
 """Of the search, by kind and number."""
 KEPT_WALKS = tuple((what, number) for what in KINDS for number in range(12))
 KEPT_SEED = 2000
-"""Of walks that the search does not see: what it found is kept if it costs less there than what was found before."""
+"""Of walks that the search does not see: what it found is kept if it costs less there than what was
+found before.
+"""
 DURATION = 5.0
 """Of each, s."""
 FALL = 1000.0
@@ -43,7 +46,10 @@ FALL = 1000.0
 
 
 def search_gains(
-    cost: Callable[[JointPDGains, float], float], seed: int = SEED, *, start: JointPDGains | None = None
+    cost: Callable[[JointPDGains, float], float],
+    seed: int = SEED,
+    *,
+    start: JointPDGains | None = None,
 ) -> tuple[JointPDGains, float]:
     """The best gains within the budget, and their cost."""
     default = asdict(JointPDGains())
@@ -59,17 +65,30 @@ def search_gains(
 
 def _gains(point: Point) -> JointPDGains:
     """The gains of a point of the space."""
-    return JointPDGains(**{name: factor * getattr(JointPDGains(), name) for name, factor in point.items()})
+    return JointPDGains(
+        **{name: factor * getattr(JointPDGains(), name) for name, factor in point.items()}
+    )
 
 
 def cost(
-    robot: str, gains: JointPDGains, most: float = inf, *, walks: tuple[tuple[str, int], ...] = WALKS, seed: int = SEED
+    robot: str,
+    gains: JointPDGains,
+    most: float = inf,
+    *,
+    walks: tuple[tuple[str, int], ...] = WALKS,
+    seed: int = SEED,
 ) -> float:
     """What gains cost: falls first, the earlier the more; then the logarithm of slip."""
     total = 0.0
     for what, number in walks:
-        row = walked(job_of(robot, what, DURATION, seed, controller="joint_pd", number=number), gains)
-        total += FALL * (1.0 - 0.5 * row["stood_s"] / DURATION) if row["fell"] else log1p(row["slip_mm_per_step"])
+        row = walked(
+            job_of(robot, what, DURATION, seed, controller="joint_pd", number=number), gains
+        )
+        total += (
+            FALL * (1.0 - 0.5 * row["stood_s"] / DURATION)
+            if row["fell"]
+            else log1p(row["slip_mm_per_step"])
+        )
         if total > most:
             break
     return total
@@ -86,7 +105,9 @@ def main(robots: list[str]) -> None:
             best, least = start, cost(robot, start)
         document = json.loads(GAINS_FILE.read_text(encoding="utf-8")) if GAINS_FILE.exists() else {}
         document[robot] = {"gains": asdict(best), "cost": least}
-        GAINS_FILE.write_text(json.dumps(dict(sorted(document.items())), indent=1) + "\n", encoding="utf-8")
+        GAINS_FILE.write_text(
+            json.dumps(dict(sorted(document.items())), indent=1) + "\n", encoding="utf-8"
+        )
         print(robot, f"cost {least:.2f}", best, flush=True)
     found_gains.cache_clear()
 

@@ -2,10 +2,11 @@
 
     τ = τ_ff + K_p (q_t − q) + K_d (q̇_t − q̇)
 
-q_t is the inverse kinematics of the gait's feet: of stance feet below an upright body at its height and heading, of
-swing feet below the body as it is; of a sole, of its corners. Joints of no leg stay where they are. τ_ff is the inverse
-dynamics of the gait's accelerations, with the least contact forces that give the body its acceleration and turn it as
-little as they can, clipped to the friction cones.
+q_t is the inverse kinematics of the gait's feet: of stance feet below an upright body at its height
+and heading, of swing feet below the body as it is; of a sole, of its corners. Joints of no leg stay
+where they are. τ_ff is the inverse dynamics of the gait's accelerations, with the least contact
+forces that give the body its acceleration and turn it as little as they can, clipped to the
+friction cones.
 """
 
 from __future__ import annotations
@@ -40,14 +41,17 @@ GAINS_FILE = Path(__file__).with_name("gains.json")
 DAMPING = 1e-4
 """Of the inverse kinematics, as a share of the squared length of a leg."""
 MAX_RATE = 500.0
-"""Largest ratio of a joint's damping to its inertia where all other joints are free, 1/s: light ones have smaller
-gains, as those of :mod:`harpy_pin.controllers.joint_targets`."""
+"""Largest ratio of a joint's damping to its inertia where all other joints are free, 1/s: light
+ones have smaller gains, as those of :mod:`harpy_pin.controllers.joint_targets`.
+"""
 GRAVITY = 9.81
 """m/s²."""
 LOWERING = 4.0
 """Rate at which the body goes down from the posture to the height of the walk, 1/s."""
 MOMENT = 0.1
-"""Moment that is given up for a force of one, in heights of the robot: points in a line hold none about it."""
+"""Moment that is given up for a force of one, in heights of the robot: points in a line hold none
+about it.
+"""
 TINY = 1e-6
 """Regularises what is held, and keeps off division by zero."""
 FAST = 30.0
@@ -58,14 +62,16 @@ FAST = 30.0
 class JointPDGains:
     """Gains of the joints.
 
-    Stiffness is in units of m g l / n, with a leg of length l, one of n; damping in the same times √(l / g).
+    Stiffness is in units of m g l / n, with a leg of length l, one of n; damping in the same times
+    √(l / g).
     """
 
     stance_p: float = 2.0  # stiffness of legs on the ground
     stance_d: float = 0.3  # damping of legs on the ground
     swing_p: float = 2.0  # stiffness of legs in the air
     swing_d: float = 0.3  # damping of legs in the air
-    follow: float = 0.5  # share of the body's target velocity that is the commanded one; the rest is the measured one
+    # share of the body's target velocity that is the commanded one; the rest is the measured one
+    follow: float = 0.5
 
 
 @cache
@@ -106,7 +112,9 @@ class JointPDRecord(RecordOf):
     rate: Vector = sized("feet", 3)  # (feet, 3) velocities of the feet in the body, m/s
     force: Vector = sized("3 feet")  # (3 feet,) contact forces that are fed forward, N
     torque: Vector = sized("joints")  # (joints,) of the last tick, N·m
-    jacobian: Vector = sized("rows", "chain")  # (3 corners, n) of a leg's contact points in the body
+    jacobian: Vector = sized(
+        "rows", "chain"
+    )  # (3 corners, n) of a leg's contact points in the body
     square: Vector = sized("rows", "rows")  # (3 corners, 3 corners)
     error: Vector = sized("rows")  # (3 corners,)
     change: Vector = sized("chain")  # (n,) of a leg's joints
@@ -117,7 +125,8 @@ class JointPDRecord(RecordOf):
 class JointPD:
     """Feedforward, and stiffness and damping about inverse kinematics.
 
-    It follows the same gait as the whole-body controllers, with the same footholds, touchdowns and accelerations.
+    It follows the same gait as the whole-body controllers, with the same footholds, touchdowns and
+    accelerations.
 
     Args:
         gait: of a robot whose legs have three joints and point feet, or six joints and soles.
@@ -126,15 +135,28 @@ class JointPD:
         period: time between ticks, s.
     """
 
-    def __init__(self, gait: WalkingGait, gains: JointPDGains, *, mu: float, period: float = 1e-3) -> None:
+    def __init__(
+        self, gait: WalkingGait, gains: JointPDGains, *, mu: float, period: float = 1e-3
+    ) -> None:
         self.gait, self.gains, self.period, self.robot = gait, gains, period, gait.robot
         robot, build = gait.robot, gait._build
         stiffness = robot.mass * GRAVITY * build.leg / len(robot.corners)
         damping = stiffness * float(np.sqrt(build.leg / GRAVITY))
-        joint, corners, leg = _joints_of_legs(robot), robot.corners[0], np.full(len(robot.joints), -1)
+        joint, corners, leg = (
+            _joints_of_legs(robot),
+            robot.corners[0],
+            np.full(len(robot.joints), -1),
+        )
         leg[joint - 6] = np.arange(len(joint))[:, None]
-        inertia = 1.0 / np.diag(pin.computeMinverse(robot.model, robot.model.createData(), gait.initial_state()[0]))[6:]
-        share = np.minimum(1.0, MAX_RATE * inertia / (max(gains.stance_d, gains.swing_d, TINY) * damping))
+        inertia = (
+            1.0
+            / np.diag(
+                pin.computeMinverse(robot.model, robot.model.createData(), gait.initial_state()[0])
+            )[6:]
+        )
+        share = np.minimum(
+            1.0, MAX_RATE * inertia / (max(gains.stance_d, gains.swing_d, TINY) * damping)
+        )
         self._record = make_record(
             JointPDRecord,
             {
@@ -189,14 +211,23 @@ class JointPD:
         return self._command
 
     def calls(self, state: State) -> tuple[Call, ...] | None:
-        """The kernels of a tick, for a loop in C (:mod:`harpy_pin.simulation.ticks`); None where Python takes part."""
+        """The kernels of a tick, for a loop in C (:mod:`harpy_pin.simulation.ticks`); None where
+        Python takes part.
+        """
         calls = self.gait.calls(state)
-        return None if calls is None else (*calls, Call(joint_torques, *self._records, state.q, state.v))
+        return (
+            None
+            if calls is None
+            else (*calls, Call(joint_torques, *self._records, state.q, state.v))
+        )
 
 
 def able(robot: Robot) -> bool:
     """Whether joint PD is for the robot: legs of three joints on point feet, or of six on soles."""
-    return {(len(leg.joints), len(leg.points) > 1) for leg in legs(robot)} <= {(3, False), (6, True)}
+    return {(len(leg.joints), len(leg.points) > 1) for leg in legs(robot)} <= {
+        (3, False),
+        (6, True),
+    }
 
 
 def _joints_of_legs(robot: Robot) -> NDArray[np.int64]:
@@ -209,7 +240,9 @@ def _joints_of_legs(robot: Robot) -> NDArray[np.int64]:
 
 
 @kernel
-def joint_torques(r: JointPDRecord, p: WalkingRecord, o: GaitTargetRecord, q: Vector, v: Vector) -> int:
+def joint_torques(
+    r: JointPDRecord, p: WalkingRecord, o: GaitTargetRecord, q: Vector, v: Vector
+) -> int:
     """Torques of one tick; returns what the state is.
 
     Args:
@@ -273,7 +306,9 @@ def _foot_goal(r: JointPDRecord, p: WalkingRecord, o: GaitTargetRecord, v: Vecto
 
 @kernel
 def _inverse_kinematics(r: JointPDRecord, o: GaitTargetRecord, q: Vector, leg: int) -> None:
-    """Targets of a leg's joints: a step of Newton's method from those of the last tick; and what is fed forward."""
+    """Targets of a leg's joints: a step of Newton's method from those of the last tick; and what is
+    fed forward.
+    """
     turned, first, joint = r.dynamics.tree.rotation, leg * r.corners, r.joint[leg]
     _leg_jacobian(r, r.target, leg)
     for c in range(r.corners):
@@ -317,7 +352,9 @@ def _leg_jacobian(r: JointPDRecord, d: DynamicsRecord, leg: int) -> None:
 
 @kernel
 def _solve(r: JointPDRecord) -> None:
-    """Jᵀ (J Jᵀ + λ)⁻¹ error: change of the joints that moves a leg's contact points so, as far as it can."""
+    """Jᵀ (J Jᵀ + λ)⁻¹ error: change of the joints that moves a leg's contact points so, as far as
+    it can.
+    """
     rows, chain = r.jacobian.shape[0], r.jacobian.shape[1]
     for i in range(rows):
         for j in range(rows):
@@ -334,7 +371,9 @@ def _solve(r: JointPDRecord) -> None:
 
 @kernel
 def _contact_forces(r: JointPDRecord, p: WalkingRecord, o: GaitTargetRecord) -> None:
-    """Least forces of the stance feet for the body's acceleration and no moment, as far as their places allow."""
+    """Least forces of the stance feet for the body's acceleration and no moment, as far as their
+    places allow.
+    """
     m, square, x, grasp = p.measured, np.zeros((6, 6)), np.zeros(6), np.zeros((6, 3))
     for i in range(6):
         square[i, i] = TINY if i < 3 else MOMENT * MOMENT
@@ -366,7 +405,9 @@ def _contact_forces(r: JointPDRecord, p: WalkingRecord, o: GaitTargetRecord) -> 
 
 @kernel
 def _grasp(r: JointPDRecord, p: WalkingRecord, k: int, out: Vector) -> None:
-    """(6, 3) force, and moment about the centre of mass in heights of the robot, of a force on a foot."""
+    """(6, 3) force, and moment about the centre of mass in heights of the robot, of a force on a
+    foot.
+    """
     m = p.measured
     x, y = (m.point[k, 0] - m.centre[0]) / r.rise, (m.point[k, 1] - m.centre[1]) / r.rise
     z = (m.point[k, 2] - m.centre[2]) / r.rise
@@ -389,6 +430,8 @@ def _add_up(r: JointPDRecord, o: GaitTargetRecord, q: Vector, v: Vector) -> None
         air = r.leg[j] >= 0 and o.stance[max(r.leg[j], 0) * r.corners] == 0.0
         stiffness, damping = (r.swing_p, r.swing_d) if air else (r.stance_p, r.stance_d)
         stiffness, damping = r.share[j] * stiffness, r.share[j] * damping
-        r.torque[j] += stiffness * (r.planned[7 + j] - q[7 + j]) + damping * (r.speed[6 + j] - v[6 + j])
+        r.torque[j] += stiffness * (r.planned[7 + j] - q[7 + j]) + damping * (
+            r.speed[6 + j] - v[6 + j]
+        )
     for j in range(r.torque.shape[0]):
         r.torque[j] = min(max(r.torque[j], -r.limit[j]), r.limit[j])

@@ -1,1 +1,3 @@
-"""How it is measured: contenders, recorded states, replays, interleaved timing, verification and statistics."""
+"""How it is measured: contenders, recorded states, replays, interleaved timing, verification and
+statistics.
+"""

@@ -1,7 +1,9 @@
-"""The plain rival of the estimator: a complementary filter of the inertial unit and the feet that touch the ground.
+"""The plain rival of the estimator: a complementary filter of the inertial unit and the feet that
+touch the ground.
 
-The gyroscope turns the body, slowly righted by the accelerometer (Mahony et al., IEEE TAC 2008); the accelerometer
-moves it, righted by the velocity and the height at which the feet on the ground would be at rest on it.
+The gyroscope turns the body, slowly righted by the accelerometer (Mahony et al., IEEE TAC 2008);
+the accelerometer moves it, righted by the velocity and the height at which the feet on the ground
+would be at rest on it.
 """
 
 from __future__ import annotations
@@ -30,14 +32,23 @@ class Gains:
 
 
 def complementary(run: Run, robot: Robot, gains: Gains | None = None) -> tuple[Vector, Vector]:
-    """(ticks, nq) configurations and (ticks, nv) velocities by the readings of a run with sensors at the body's origin.
+    """(ticks, nq) configurations and (ticks, nv) velocities by the readings of a run with sensors
+    at the body's origin.
 
     Start, encoders and contacts are those of the run's own estimator.
     """
     gains, model, data = gains or Gains(), robot.model, robot.model.createData()
     feet = np.array([robot.frame_id(name) for name in robot.feet])
-    q, v, held = run["estimated_q"].copy(), run["estimated_v"].copy(), run["contact_probability"] > LIKELY
-    dt, up, origin = float(run["t"][1] - run["t"][0]), np.array([0.0, 0.0, 1.0]), pin.neutral(model)[:7]
+    q, v, held = (
+        run["estimated_q"].copy(),
+        run["estimated_v"].copy(),
+        run["contact_probability"] > LIKELY,
+    )
+    dt, up, origin = (
+        float(run["t"][1] - run["t"][0]),
+        np.array([0.0, 0.0, 1.0]),
+        pin.neutral(model)[:7],
+    )
     turned, place = pin.Quaternion(run["q"][0, 3:7]).toRotationMatrix(), run["q"][0, :3].copy()
     speed = turned @ run["v"][0, :3]
     for k, (angular, force) in enumerate(zip(run["gyroscope"], run["accelerometer"], strict=True)):
@@ -45,12 +56,16 @@ def complementary(run: Run, robot: Robot, gains: Gains | None = None) -> tuple[V
         turned = turned @ pin.exp3(dt * (angular + gains.tilt * level))
         speed = speed + dt * (turned @ force - GRAVITY * up)
         place = place + dt * speed
-        pin.forwardKinematics(model, data, np.append(origin, q[k, 7:]), np.append(np.zeros(6), v[k, 6:]))
+        pin.forwardKinematics(
+            model, data, np.append(origin, q[k, 7:]), np.append(np.zeros(6), v[k, 6:])
+        )
         arms, moves = np.zeros(3), np.zeros(3)
         for foot in feet[held[k]].tolist():
             arm = pin.updateFramePlacement(model, data, foot).translation.copy()
             arms += arm
-            moves += pin.getFrameVelocity(model, data, foot, pin.LOCAL_WORLD_ALIGNED).linear + np.cross(angular, arm)
+            moves += pin.getFrameVelocity(
+                model, data, foot, pin.LOCAL_WORLD_ALIGNED
+            ).linear + np.cross(angular, arm)
         if count := int(held[k].sum()):
             speed = speed - dt * gains.velocity * (speed + turned @ moves / count)
             place[2] -= dt * gains.height * (place[2] + turned[2] @ arms / count)

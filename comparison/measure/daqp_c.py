@@ -1,4 +1,6 @@
-"""DAQP's own C on a microcontroller: its source comes from its package, and is kept in the user's cache."""
+"""DAQP's own C on a microcontroller: its source comes from its package, and is kept in the user's
+cache.
+"""
 
 from __future__ import annotations
 
@@ -19,7 +21,9 @@ _SOLVER = Path(__file__).with_name("daqp_solver.c")
 
 
 def daqp_source(place: Path) -> Path | None:
-    """The folder with DAQP's C, of the version that is installed, kept in ``place``; None where it cannot be had."""
+    """The folder with DAQP's C, of the version that is installed, kept in ``place``; None where it
+    cannot be had.
+    """
     try:
         name = f"daqp-{version('daqp')}"
     except PackageNotFoundError:
@@ -41,10 +45,11 @@ def daqp_source(place: Path) -> Path | None:
 
 
 def daqp_count(folder: Path, name: str, what: Exportable) -> None:
-    """Make the program ``count`` of an exported folder, whose tick only builds the program, solve it by DAQP.
+    """Make the program ``count`` of an exported folder, whose tick only builds the program, solve
+    it by DAQP.
 
-    In double precision: in single precision DAQP does not end on some of these programs, with none of the tolerances
-    that were tried.
+    In double precision: in single precision DAQP does not end on some of these programs, with none
+    of the tolerances that were tried.
     """
     program = what.record.dtype["program"]
     sizes = {"VARIABLES": program["gradient"].shape[0], "ROWS": program["lower"].shape[0]}
@@ -57,10 +62,13 @@ def daqp_count(folder: Path, name: str, what: Exportable) -> None:
     replay = f"    (void){name}_replay(state, n, command);\n"
     assert replay in text
     text = text.replace(replay, replay + "    failures += solve() < 0;\n")
-    text = text.replace("static uint32_t since(", "static int failures;\n\nstatic uint32_t since(", 1)
+    text = text.replace(
+        "static uint32_t since(", "static int failures;\n\nstatic uint32_t since(", 1
+    )
     text = text.replace(
         f"    {name}_init(&state);\n",
-        f"    {name}_init(&state);\n    (void){name}_replay(&state, 0, command);\n    set_up(&state);\n",
+        f"    {name}_init(&state);\n    (void){name}_replay(&state, 0, command);\n    "
+        f"set_up(&state);\n",
     )
     text = text.replace("    return 0;\n}", "    return failures > 0 ? 5 : 0;\n}")
     file.write_text(text, encoding="utf-8")

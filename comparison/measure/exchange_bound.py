@@ -1,10 +1,10 @@
 """An upper end of a tick on a microcontroller: the bound on exchanges times the dearest exchange.
 
-A search ends after so many systems of the reused active set, or after four exchanges for each row of the dual
-method (:mod:`harpy_pin.wbc.condensed.active_set`), and the whole-body QP asks the reused
-set once more with what the dual method found. A system is dearest with as many active rows as unknowns and without a
-zero; an exchange of the dual method is dearest at one of its sizes, and either adds a row or drops the first. These are
-counted one by one.
+A search ends after so many systems of the reused active set, or after four exchanges for each row
+of the dual method (:mod:`harpy_pin.wbc.condensed.active_set`), and the whole-body QP asks the
+reused set once more with what the dual method found. A system is dearest with as many active rows
+as unknowns and without a zero; an exchange of the dual method is dearest at one of its sizes, and
+either adds a row or drops the first. These are counted one by one.
 """
 
 from __future__ import annotations
@@ -38,7 +38,9 @@ from harpy_pin.wbc.condensed.active_set import (
 from harpy_pin.wbc.program import worst_violation
 
 _MAIN = Path(__file__).with_suffix(".c")
-"""Calls the pieces by these names, and prints what each took; ``RESET`` gives the state its first values."""
+"""Calls the pieces by these names, and prints what each took; ``RESET`` gives the state its first
+values.
+"""
 _DEFINED = ("SYSTEM", "FRAME", "EXCHANGE", "VARIABLES", "RESET")
 
 
@@ -59,7 +61,9 @@ def _system(r: BoundRecord) -> None:
 
 @kernel
 def _frame(r: BoundRecord) -> None:
-    """What a search does once: factors, the start of the dual method, the violation of what was found."""
+    """What a search does once: factors, the start of the dual method, the violation of what was
+    found.
+    """
     factorise(r.program.hessian, r.exchange.factor)
     factorise(r.program.hessian, r.exchange.factor)
     _start(r.program, r.dual, r.z)
@@ -68,7 +72,9 @@ def _frame(r: BoundRecord) -> None:
 
 @kernel
 def _exchange(r: BoundRecord, size: int, drops: int, sign: float) -> int:
-    """One round of the dual method with so many active rows, with the search for the most violated one."""
+    """One round of the dual method with so many active rows, with the search for the most violated
+    one.
+    """
     w, p = r.dual, r.program
     for a in range(size):
         w.multiplier[a] = 1e9
@@ -88,12 +94,20 @@ def search_bound(
 ) -> int:
     """Most instructions of one search.
 
-    The records are those of the program, of the reused active set and of the dual method; the folder is that of an
-    exported controller, whose board is used; ``systems`` says how many of the reused active set there may be.
+    The records are those of the program, of the reused active set and of the dual method; the
+    folder is that of an exported controller, whose board is used; ``systems`` says how many of the
+    reused active set there may be.
     """
     program, exchange, dual = records
     state = _dense(
-        make_record(BoundRecord, program=program, exchange=exchange, dual=dual, z=program["gradient"][0], worst=0.0)
+        make_record(
+            BoundRecord,
+            program=program,
+            exchange=exchange,
+            dual=dual,
+            z=program["gradient"][0],
+            worst=0.0,
+        )
     )
     rows, variables = (int(size) for size in program["inequality"][0].shape)
     unit = Unit(single=single, prefix="bench_", own=PORTABLE if single else {})
@@ -103,7 +117,15 @@ def search_bound(
     table, statements = initial_values(unit, state)
     values = (*names, variables, " ".join(statements))
     defined = (f"#define {n} {value}" for n, value in zip(_DEFINED, values, strict=True))
-    parts = (unit.header(), "#include <stdio.h>", unit.types(), unit.code(), table, *defined, _MAIN.read_text("utf-8"))
+    parts = (
+        unit.header(),
+        "#include <stdio.h>",
+        unit.types(),
+        unit.code(),
+        table,
+        *defined,
+        _MAIN.read_text("utf-8"),
+    )
     found = _run("\n\n".join(parts), folder, CHIPS[chip], level)
     limit = EXCHANGES_PER_ROW * rows
     return int(found["frame"] + systems * found["system"] + limit * found["exchange"])
@@ -114,7 +136,9 @@ def _run(text: str, folder: Path, chip: Chip, level: str) -> dict[str, float]:
     with tempfile.TemporaryDirectory() as place:
         source = Path(place) / "bench.c"
         source.write_text(text, encoding="utf-8")
-        output, code = run(build(folder, [source], chip, source.with_suffix(".elf"), flags=[level]), chip)
+        output, code = run(
+            build(folder, [source], chip, source.with_suffix(".elf"), flags=[level]), chip
+        )
     if code:
         raise HarpyError(f"the count of exchanges failed on {chip.title}: {output[-200:]}")
     found: dict[str, float] = {}

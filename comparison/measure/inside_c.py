@@ -1,4 +1,6 @@
-"""Ticks of a controller on recorded states inside C: replay.c, behind the ticks.c of the closed loop."""
+"""Ticks of a controller on recorded states inside C: replay.c, behind the ticks.c of the closed
+loop.
+"""
 
 from __future__ import annotations
 
@@ -32,14 +34,21 @@ class ReplayInsideC(TickReplay):
         self._rows = np.array([np.concatenate([[s.t], *map(np.ravel, _arrays(s))]) for s in states])
         sample = np.zeros(self._rows.shape[1] - 1)
         parts = np.split(sample, np.cumsum([array.size for array in arrays])[:-1])
-        calls = controller.calls(State(0.0, *(p.reshape(a.shape) for p, a in zip(parts, arrays, strict=True))))
+        calls = controller.calls(
+            State(0.0, *(p.reshape(a.shape) for p, a in zip(parts, arrays, strict=True)))
+        )
         self._links, self._bound = linked(calls)
         written = (sample, *controller.command[:2])
-        self._kept = (sample, *(number for array in written for number in (array.ctypes.data, array.size)))
+        self._kept = (
+            sample,
+            *(number for array in written for number in (array.ctypes.data, array.size)),
+        )
 
     def time_block(self, begin: int, end: int) -> None:
         """See :meth:`TickReplay.time_block`."""
-        rows, commands, laps = (array[begin:end] for array in (self._rows, self.commands, self.laps))
+        rows, commands, laps = (
+            array[begin:end] for array in (self._rows, self.commands, self.laps)
+        )
         given = (self._links, len(self._links), *self._kept[1:], rows.ctypes.data, len(rows))
         if _library().replay(*given, commands.ctypes.data, laps.ctypes.data) != len(rows):
             raise HarpyError(f"a tick of {self.controller!r} was handed over to Python")
@@ -58,7 +67,9 @@ def _arrays(state: State) -> tuple[Vector, ...]:
 
 @cache
 def _library() -> Any:
-    library = calling_library(Path(ticks.__file__).with_suffix(".c"), Path(__file__).with_name("replay.c"))
+    library = calling_library(
+        Path(ticks.__file__).with_suffix(".c"), Path(__file__).with_name("replay.c")
+    )
     pointer, whole = ctypes.c_void_p, ctypes.c_int64
     library.replay.restype = whole
     library.replay.argtypes = (*(pointer, whole) * 5, pointer, pointer)

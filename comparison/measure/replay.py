@@ -1,7 +1,9 @@
-"""Replays of recorded inputs: states through a controller, a governor's updates, a solver's programs.
+"""Replays of recorded inputs: states through a controller, a governor's updates, a solver's
+programs.
 
-Every replay presents its inputs in the order of time and keeps every result, outside the timed span, so that what was
-timed can be compared with what should have come out. It goes on block by block, so that several can be interleaved.
+Every replay presents its inputs in the order of time and keeps every result, outside the timed
+span, so that what was timed can be compared with what should have come out. It goes on block by
+block, so that several can be interleaved.
 """
 
 from __future__ import annotations
@@ -24,7 +26,9 @@ from harpy_pin.wbc import QPSolver, QPStatus, QuadraticProgram, make_solver
 from harpy_pin.wbc.solvers import ProxQPSolver
 
 WBC_PHASES = ("kinematics", "build", "solve", "finish")
-"""Gait and rigid-body terms; task accelerations and the program's arrays; the solver; torques and thrusts."""
+"""Gait and rigid-body terms; task accelerations and the program's arrays; the solver; torques and
+thrusts.
+"""
 
 
 class TickReplay:
@@ -47,7 +51,9 @@ class TickReplay:
         robot = self.controller.robot
         self.states = states
         self.laps: Laps = np.zeros((len(states), len(self.phases)), dtype=np.int64)
-        self.commands: Vector = np.full((len(states), len(robot.joints) + 3 * len(robot.thrusters)), np.nan)
+        self.commands: Vector = np.full(
+            (len(states), len(robot.joints) + 3 * len(robot.thrusters)), np.nan
+        )
         self.controller.reset()
 
     def time_block(self, begin: int, end: int) -> None:
@@ -111,9 +117,11 @@ class TimedProxQP(ProxQPSolver):
 
 
 class ProxQPReplay(TickReplay):
-    """Replays a whole-body QP whose solver is :class:`TimedProxQP`: its times are those of ProxQP's own timer.
+    """Replays a whole-body QP whose solver is :class:`TimedProxQP`: its times are those of ProxQP's
+    own timer.
 
-    They are what ProxQP itself takes of a tick; Python, and what hands the program over to it, are not in them.
+    They are what ProxQP itself takes of a tick; Python, and what hands the program over to it, are
+    not in them.
     """
 
     def __init__(self, make: Callable[[Callable[[QuadraticProgram], QPSolver]], Any]) -> None:
@@ -193,8 +201,8 @@ class IsolatedSolver:
 
     Attributes:
         laps: (programs,) times, ns.
-        gaps: (programs,) how far the objective lies above that of the expected solution, relative to its size, in the
-            present sequence; NaN where one of the two is missing.
+        gaps: (programs,) how far the objective lies above that of the expected solution, relative
+            to its size, in the present sequence; NaN where one of the two is missing.
         failures: programs of the present sequence that were not solved.
     """
 
@@ -203,7 +211,9 @@ class IsolatedSolver:
         self.solver = make_solver(solver, program)
 
     def start(self, programs: Record, expected: Vector) -> None:
-        """Begin a sequence of programs with a cold solver; ``expected``: their solutions, NaN where there is none."""
+        """Begin a sequence of programs with a cold solver; ``expected``: their solutions, NaN where
+        there is none.
+        """
         self.programs, self.expected = programs, expected
         self.laps: Laps = np.zeros(len(programs), dtype=np.int64)
         self.gaps: Vector = np.full(len(programs), np.nan)
@@ -259,12 +269,15 @@ class _Timed:
 
 
 def time_ticks(walk: Walk, other: Controller | None = None) -> tuple[Run, Vector, Vector]:
-    """Walk with every tick called from Python, and with another controller that is given the same states.
+    """Walk with every tick called from Python, and with another controller that is given the same
+    states.
 
     Returns:
-        The run; (ticks, 2) times of both, µs; and (ticks,) how far their torques are apart, as a share of the largest
-        torque. Times and shares are without the first ten.
+        The run; (ticks, 2) times of both, µs; and (ticks,) how far their torques are apart, as a
+        share of the largest torque. Times and shares are without the first ten.
     """
     timed = _Timed(walk.controller, other)
-    run = replace(walk, controller=timed).run(on_tick=lambda state: None)  # or the loop would be compiled as a whole
+    run = replace(walk, controller=timed).run(
+        on_tick=lambda state: None
+    )  # or the loop would be compiled as a whole
     return run, 1e-3 * np.array(timed.ticks[FIRST:]), np.array(timed.apart[FIRST:])

@@ -1,7 +1,8 @@
-"""How everything is timed, on which machine, and what is said about times: candidates take turns, block by block.
+"""How everything is timed, on which machine, and what is said about times: candidates take turns,
+block by block.
 
-The order is drawn anew for each block, so a drift of the machine's speed affects all candidates alike, and none always
-runs after the same other one.
+The order is drawn anew for each block, so a drift of the machine's speed affects all candidates
+alike, and none always runs after the same other one.
 """
 
 from __future__ import annotations
@@ -32,11 +33,13 @@ class TimingSettings:
     """How to time."""
 
     repetitions: int = 10  # of every pass
-    # ticks at the start of each sequence that are replayed but not counted: the solver's cold start and cold caches are
+    # ticks at the start of each sequence that are replayed but not counted: the solver's cold start
+    # and cold caches are
     # among them
     warm_up: int = 50
     block: int = 500  # ticks per block
-    settle: int = 10  # ticks at the start of each block that are not counted: the replays before have used the caches
+    # ticks at the start of each block that are not counted: the replays before have used the caches
+    settle: int = 10
     programs: int = 2000  # quadratic programs per sequence for the isolated solvers
     samples: int = 100  # solutions per sequence checked for optimality
 
@@ -69,11 +72,12 @@ class Bench:
     ) -> tuple[dict[str, list[Laps]], float]:
         """Time all repetitions of all sequences.
 
-        ``start`` gives what is timed, by name, ready to begin the sequence of a number; ``end`` is called after each
-        sequence with the numbers of repetition and sequence.
+        ``start`` gives what is timed, by name, ready to begin the sequence of a number; ``end`` is
+        called after each sequence with the numbers of repetition and sequence.
 
         Returns:
-            The times that count by name, an array for each repetition, and the timer's own time, ns.
+            The times that count by name, an array for each repetition, and the timer's own time,
+            ns.
         """
         laps: dict[str, list[Laps]] = {}
         overheads = []
@@ -82,9 +86,13 @@ class Bench:
             parts: dict[str, list[Laps]] = {}
             for k, length in enumerate(lengths):
                 timed = start(k)
-                overheads.append(interleave(list(timed.values()), length, block=block, rng=self.rng))
+                overheads.append(
+                    interleave(list(timed.values()), length, block=block, rng=self.rng)
+                )
                 for name, timer in timed.items():
-                    parts.setdefault(name, []).append(timer.laps[counted(len(timer.laps), settings)])
+                    parts.setdefault(name, []).append(
+                        timer.laps[counted(len(timer.laps), settings)]
+                    )
                 end(repetition, k)
             for name, found in parts.items():
                 laps.setdefault(name, []).append(np.concatenate(found))
@@ -92,7 +100,9 @@ class Bench:
         return laps, float(np.median(overheads))
 
 
-def interleave(timed: Sequence[Timed], length: int, *, block: int, rng: np.random.Generator) -> float:
+def interleave(
+    timed: Sequence[Timed], length: int, *, block: int, rng: np.random.Generator
+) -> float:
     """Do one pass of every candidate over a sequence; returns the timer's own time, ns."""
     with without_gc():
         overhead = timer_overhead()
@@ -133,13 +143,18 @@ def timer_overhead() -> float:
 def summarise(laps: Sequence[Laps], overhead_ns: float = 0.0) -> dict[str, float | int]:
     """Percentiles over all repetitions, µs.
 
-    There is an array of times for each repetition, ns. The timer's overhead is subtracted from every time, which never
-    gets negative.
+    There is an array of times for each repetition, ns. The timer's overhead is subtracted from
+    every time, which never gets negative.
     """
     times = np.maximum(np.concatenate(laps) - overhead_ns, 0.0) * 1e-3
     names = ("p50_us", "p95_us", "p99_us", "p99_9_us")
     found = dict(zip(names, np.percentile(times, (50.0, 95.0, 99.0, 99.9)).tolist(), strict=True))
-    return {**found, "max_us": float(times.max()), "mean_us": float(times.mean()), "samples": len(times)}
+    return {
+        **found,
+        "max_us": float(times.max()),
+        "mean_us": float(times.mean()),
+        "samples": len(times),
+    }
 
 
 def summarise_repetitions(laps: Sequence[Laps], overhead_ns: float = 0.0) -> dict[str, float | int]:
@@ -148,11 +163,13 @@ def summarise_repetitions(laps: Sequence[Laps], overhead_ns: float = 0.0) -> dic
     return {**summarise(laps, overhead_ns), "low_us": min(medians), "high_us": max(medians)}
 
 
-def ratio_of_medians(slow: Sequence[Laps], fast: Sequence[Laps], overhead_ns: float = 0.0) -> dict[str, Any]:
+def ratio_of_medians(
+    slow: Sequence[Laps], fast: Sequence[Laps], overhead_ns: float = 0.0
+) -> dict[str, Any]:
     """Ratio of two medians within each repetition, and the median of these ratios.
 
-    Within a repetition the machine's speed is nearly the same for both; a ratio of medians over all repetitions
-    (``pooled``) compares times of different speeds where a machine changes it.
+    Within a repetition the machine's speed is nearly the same for both; a ratio of medians over all
+    repetitions (``pooled``) compares times of different speeds where a machine changes it.
     """
 
     def median(times: Laps) -> float:
@@ -160,14 +177,22 @@ def ratio_of_medians(slow: Sequence[Laps], fast: Sequence[Laps], overhead_ns: fl
 
     each = [median(a) / median(b) for a, b in zip(slow, fast, strict=True)]
     whole = median(np.concatenate(slow)) / median(np.concatenate(fast))
-    return {"p50": float(np.median(each)), "min": min(each), "max": max(each), "pooled": whole, "repetitions": each}
+    return {
+        "p50": float(np.median(each)),
+        "min": min(each),
+        "max": max(each),
+        "pooled": whole,
+        "repetitions": each,
+    }
 
 
 def describe_machine() -> dict[str, Any]:
     """Processor, cores, operating system, and how busy the machine is already."""
     affinity, file = getattr(os, "sched_getaffinity", None), Path("/proc/cpuinfo")
     lines = file.read_text(encoding="utf-8", errors="replace").splitlines() if file.exists() else []
-    models = [line.partition(":")[2].strip() for line in lines if line.lower().startswith("model name")]
+    models = [
+        line.partition(":")[2].strip() for line in lines if line.lower().startswith("model name")
+    ]
     return {
         "cpu": models[0] if models else platform.processor() or "unknown",
         "cores": os.cpu_count(),

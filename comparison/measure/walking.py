@@ -1,4 +1,6 @@
-"""Walks, contenders by name, and the states that controllers were given; a study's walks one after the other."""
+"""Walks, contenders by name, and the states that controllers were given; a study's walks one after
+the other.
+"""
 
 from __future__ import annotations
 
@@ -46,16 +48,21 @@ def silent(done: int, total: int) -> None:
 
 
 def stage(progress: Callable[[str, int, int], None], what: str, total: int) -> Callable[[], None]:
-    """Announce a stage of the work and its number of pieces; returns what to call after each piece."""
+    """Announce a stage of the work and its number of pieces; returns what to call after each
+    piece.
+    """
     progress(what, 0, total)
     done = count(1)
     return lambda: progress(what, next(done), total)
 
 
-def one_by_one(walk: Callable[[_Job], dict[str, Any]], jobs: Sequence[_Job]) -> Generator[dict[str, Any]]:
+def one_by_one(
+    walk: Callable[[_Job], dict[str, Any]], jobs: Sequence[_Job]
+) -> Generator[dict[str, Any]]:
     """A row for each job, each as soon as it and all before it are there.
 
-    Many are done in processes of their own, one a core, or by a cluster (:func:`comparison.campaign.cluster.workers`).
+    Many are done in processes of their own, one a core, or by a cluster
+    (:func:`comparison.campaign.cluster.workers`).
 
     Args:
         walk: function of a module, of one job.
@@ -64,7 +71,9 @@ def one_by_one(walk: Callable[[_Job], dict[str, Any]], jobs: Sequence[_Job]) -> 
     return PLACE.get()(walk, jobs)
 
 
-def _on_this_machine(walk: Callable[[_Job], dict[str, Any]], jobs: Sequence[_Job]) -> Generator[dict[str, Any]]:
+def _on_this_machine(
+    walk: Callable[[_Job], dict[str, Any]], jobs: Sequence[_Job]
+) -> Generator[dict[str, Any]]:
     if len(jobs) <= ALONE:
         yield from map(walk, jobs)
         return
@@ -74,24 +83,32 @@ def _on_this_machine(walk: Callable[[_Job], dict[str, Any]], jobs: Sequence[_Job
                 found = pool.map(walk, jobs)
             yield from found
         except BrokenProcessPool as error:
-            raise HarpyError("a process that walked was killed; the same command goes on with what is kept") from error
+            raise HarpyError(
+                "a process that walked was killed; the same command goes on with what is kept"
+            ) from error
         finally:
             pool.shutdown(cancel_futures=True)
 
 
-PLACE: ContextVar[Callable[..., Generator[dict[str, Any]]]] = ContextVar("PLACE", default=_on_this_machine)
+PLACE: ContextVar[Callable[..., Generator[dict[str, Any]]]] = ContextVar(
+    "PLACE", default=_on_this_machine
+)
 """What :func:`one_by_one` does, of the same arguments."""
 
 
 def grouped(rows: Iterable[dict[str, Any]], *names: str) -> dict[tuple[Any, ...], Rows]:
-    """Rows with the same values of these entries together, by the values, in the order of the rows."""
+    """Rows with the same values of these entries together, by the values, in the order of the
+    rows.
+    """
     groups: dict[tuple[Any, ...], Rows] = {}
     for row in rows:
         groups.setdefault(tuple(row[name] for name in names), []).append(row)
     return groups
 
 
-def walk_as_far_as_it_goes(scenario: Scenario, controller: Callable[..., Controller] | None = None) -> Run:
+def walk_as_far_as_it_goes(
+    scenario: Scenario, controller: Callable[..., Controller] | None = None
+) -> Run:
     """The log of a walk; that of a controller that failed ends at its failure.
 
     Args:
@@ -102,10 +119,14 @@ def walk_as_far_as_it_goes(scenario: Scenario, controller: Callable[..., Control
 
 
 def as_far_as_it_goes(walked: Callable[[], Run]) -> Run:
-    """The log of a walk that is ready to begin; that of a controller that failed ends at its failure."""
+    """The log of a walk that is ready to begin; that of a controller that failed ends at its
+    failure.
+    """
     try:
         with warnings.catch_warnings():  # studies ask for such velocities on purpose
-            warnings.filterwarnings("ignore", "velocity .* is more than the robot walks", UserWarning)
+            warnings.filterwarnings(
+                "ignore", "velocity .* is more than the robot walks", UserWarning
+            )
             return walked()
     except ControlError as error:
         if error.run is None or len(error.run) == 0:
@@ -121,15 +142,16 @@ TIMED = {
     "own search": OWN,
     "wbc": "wbc",
 }
-"""Contenders whose ticks are taken apart, by the names of their rows: ``wbc`` is the whole-body QP by ProxQP, ``own
-search`` the same program by this library's own."""
+"""Contenders whose ticks are taken apart, by the names of their rows: ``wbc`` is the whole-body QP
+by ProxQP, ``own search`` the same program by this library's own.
+"""
 
 
 def scenario_of(name: str, friction: float, **changes: Any) -> Scenario:
     """A contender's walk at the gait's default speed.
 
-    The name is that of :func:`comparison.contenders.controller_part`; the controller knows the ground's static friction
-    coefficient unless changes of the scenario say otherwise.
+    The name is that of :func:`comparison.contenders.controller_part`; the controller knows the
+    ground's static friction coefficient unless changes of the scenario say otherwise.
     """
     return Scenario(controller=controller_part(name), ground=Ground(mu_s=friction), **changes)
 
@@ -142,7 +164,9 @@ def make_contender(name: str, robot: Robot, friction: float) -> Any:
 
 @dataclass(frozen=True)
 class StateSequence:
-    """States of one walk, in the order of time, one per control tick; ``name`` is the contender that walked."""
+    """States of one walk, in the order of time, one per control tick; ``name`` is the contender
+    that walked.
+    """
 
     name: str
     states: tuple[State, ...]
@@ -154,7 +178,14 @@ class StateSequence:
         """SHA-256 of every number, to show that replays leave the states as they were."""
         total = hashlib.sha256()
         for s in self.states:
-            for array in (np.float64(s.t), s.q, s.v, s.foot_position, s.foot_velocity, s.foot_force):
+            for array in (
+                np.float64(s.t),
+                s.q,
+                s.v,
+                s.foot_position,
+                s.foot_velocity,
+                s.foot_force,
+            ):
                 total.update(array.tobytes())
         return total.hexdigest()
 
@@ -166,31 +197,41 @@ def recorded_walk(name: str, *, friction: float, duration: float, impulse: float
         name: of :data:`TIMED`, or of :func:`scenario_of`.
         friction: of the ground, which the controller knows.
         duration: s.
-        impulse: of a lateral push to alternating sides in every second, N·s: many touchdowns and recoveries.
+        impulse: of a lateral push to alternating sides in every second, N·s: many touchdowns and
+            recoveries.
     """
     times = np.arange(0.6, duration - 0.1, 1.0) if impulse else ()
-    pushes = tuple(Push(float(t), (0.0, impulse if k % 2 == 0 else -impulse, 0.0)) for k, t in enumerate(times))
+    pushes = tuple(
+        Push(float(t), (0.0, impulse if k % 2 == 0 else -impulse, 0.0)) for k, t in enumerate(times)
+    )
     disturbances = Disturbances(pushes=pushes)
-    return walk(scenario_of(TIMED.get(name, name), friction, duration=duration, disturbances=disturbances))
+    return walk(
+        scenario_of(TIMED.get(name, name), friction, duration=duration, disturbances=disturbances)
+    )
 
 
 def record_states(name: str, run: Run, *, least: int) -> StateSequence:
     """The states of a walk."""
     if len(run) < least:
         raise InputError(
-            f"the walk of '{name}' {run.ending} after {len(run)} ticks; the timing needs {least} (more friction helps)",
+            f"the walk of '{name}' {run.ending} after {len(run)} ticks; the timing needs {least} "
+            f"(more friction helps)",
             name="friction",
         )
     arrays = [run[key] for key in ("q", "v", "foot_position", "foot_velocity", "foot_force")]
     return StateSequence(
-        name, tuple(State(float(t), *(array[i].copy() for array in arrays)) for i, t in enumerate(run["t"]))
+        name,
+        tuple(
+            State(float(t), *(array[i].copy() for array in arrays)) for i, t in enumerate(run["t"])
+        ),
     )
 
 
 def sway(
     robot: Robot, posture: Vector, amplitude: Vector, phases: Vector, rate: float, force: Vector
 ) -> Iterator[State]:
-    """A state every millisecond of a robot that sways about a posture, with these forces on its feet.
+    """A state every millisecond of a robot that sways about a posture, with these forces on its
+    feet.
 
     Args:
         robot: which.
@@ -205,4 +246,6 @@ def sway(
         q = pin.integrate(robot.model, posture, amplitude * np.sin(phase))
         v = rate * np.cos(phase) * amplitude
         dynamics.update(q, v)
-        yield State(0.001 * k, q, v, dynamics.foot_position.copy(), dynamics.foot_velocity.copy(), force)
+        yield State(
+            0.001 * k, q, v, dynamics.foot_position.copy(), dynamics.foot_velocity.copy(), force
+        )

@@ -1,8 +1,9 @@
-"""The cases: robots that stand and are pushed, and that walk, recorded in the closed loop of the condensed WBC.
+"""The cases: robots that stand and are pushed, and that walk, recorded in the closed loop of the
+condensed WBC.
 
-A robot that stands shifts its weight all the time. One that walks begins to do so after some tenths of a second, from
-which on its ticks count: they go through touchdown and lift-off. G1 on points has the states of G1 on its soles, and a
-point in the middle of each.
+A robot that stands shifts its weight all the time. One that walks begins to do so after some tenths
+of a second, from which on its ticks count: they go through touchdown and lift-off. G1 on points has
+the states of G1 on its soles, and a point in the middle of each.
 """
 
 from __future__ import annotations
@@ -51,7 +52,9 @@ def _harpy(duration: float, warm_up: int, friction: float) -> Case:
 def _stands(name: str, contacts: str, duration: float, warm_up: int) -> Case:
     gait = _standing(hp.load_robot(name))
     sequence = _recorded(name, gait, duration, warm_up, PUSH)
-    return Case(f"{name}{contacts}, stands", gait, (sequence,), common_program(gait, FRICTION), warm_up)
+    return Case(
+        f"{name}{contacts}, stands", gait, (sequence,), common_program(gait, FRICTION), warm_up
+    )
 
 
 def _standing(robot: hp.Robot) -> hp.Standing:
@@ -80,9 +83,13 @@ def _stands_on_points(name: str, duration: float, warm_up: int) -> Case:
 def _walks(name: str, contacts: str, speed: float, duration: float, warm_up: int) -> Case:
     gait = hp.WalkingGait(hp.load_robot(name), velocity=(speed, 0.0, 0.0))
     sequence = _recorded(name, gait, duration, warm_up, 0.0)
-    first = np.flatnonzero([is_lifted(gait.robot, state) for state in sequence.states[warm_up:]])  # it stands before
+    first = np.flatnonzero(
+        [is_lifted(gait.robot, state) for state in sequence.states[warm_up:]]
+    )  # it stands before
     begin = warm_up + int(first[0]) if len(first) else warm_up
-    return Case(f"{name}{contacts}, walks", gait, (sequence,), common_program(gait, FRICTION), begin)
+    return Case(
+        f"{name}{contacts}, walks", gait, (sequence,), common_program(gait, FRICTION), begin
+    )
 
 
 def is_lifted(robot: hp.Robot, state: State) -> bool:
@@ -94,15 +101,22 @@ def is_lifted(robot: hp.Robot, state: State) -> bool:
 def _recorded(name: str, gait: hp.Gait, duration: float, least: int, push: float) -> StateSequence:
     """The states of a walk, or of a stand with impulses of ``push`` over the mass, m/s."""
     robot, times = gait.robot, [pushed for pushed in PUSHES if push and pushed[0] < duration]
-    pushes = tuple(hp.Push(t, (robot.mass * push * x, robot.mass * push * y, 0.0)) for t, (x, y) in times)
+    pushes = tuple(
+        hp.Push(t, (robot.mass * push * x, robot.mass * push * y, 0.0)) for t, (x, y) in times
+    )
     ground = hp.Ground(mu_s=FRICTION)
     if push:
         ground = hp.Ground(mu_s=FRICTION, stiffness=robot.mass * GRAVITY / (len(robot.feet) * SINK))
     disturbances = hp.Disturbances(pushes=pushes)
-    scenario = hp.Scenario(controller="condensed", ground=ground, disturbances=disturbances, duration=duration)
+    scenario = hp.Scenario(
+        controller="condensed", ground=ground, disturbances=disturbances, duration=duration
+    )
     run = hp.walk(scenario, gait=gait)
     if run.ending != "completed":
-        raise HarpyError(f"{name} {run.ending} at {run['t'][-1]:.2f} s: its states are those of no robot that walks")
+        raise HarpyError(
+            f"{name} {run.ending} at {run['t'][-1]:.2f} s: its states are those of no robot that "
+            f"walks"
+        )
     return record_states(name, run, least=least)
 
 
@@ -115,7 +129,9 @@ def cases(*, friction: float, duration: float, warm_up: int) -> dict[str, Callab
         warm_up: ticks at the start of each recording that are not counted.
     """
     how: dict[str, Any] = {"duration": duration, "warm_up": warm_up}
-    made: dict[str, Callable[[], Case]] = {"harpy, walks": partial(_harpy, friction=friction, **how)}
+    made: dict[str, Callable[[], Case]] = {
+        "harpy, walks": partial(_harpy, friction=friction, **how)
+    }
     for name, speed in (("solo12", 0.3), ("go2", 0.5)):
         made[f"{name}, stands"] = partial(_stands, name, "", **how)
         made[f"{name}, walks"] = partial(_walks, name, "", speed, **how)

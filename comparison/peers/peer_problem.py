@@ -1,13 +1,14 @@
 """The program that peers are given, tick by tick, and the solutions that are expected of them.
 
-Everything is taken from the records that our controllers solve, after their tasks are known: desired accelerations with
-the braking of joints before their ends, weights, which feet are held and which corners loaded, friction and damping of
-joints. Peers get the model's own numbers, too (:mod:`comparison.peers.model_file`). They compute Jacobians, mass matrix
-and bias forces themselves, as that is a part of their tick.
+Everything is taken from the records that our controllers solve, after their tasks are known:
+desired accelerations with the braking of joints before their ends, weights, which feet are held and
+which corners loaded, friction and damping of joints. Peers get the model's own numbers, too
+(:mod:`comparison.peers.model_file`). They compute Jacobians, mass matrix and bias forces
+themselves, as that is a part of their tick.
 
-The program is the one that all can pose. A normal force has no range but f_z ≥ 0, pyramids have four faces, thrusts no
-limit, no task gives way. Torque limits are rows of it. The expected solutions are those of our formulation ``full``,
-solved to rounding.
+The program is the one that all can pose. A normal force has no range but f_z ≥ 0, pyramids have
+four faces, thrusts no limit, no task gives way. Torque limits are rows of it. The expected
+solutions are those of our formulation ``full``, solved to rounding.
 """
 
 from __future__ import annotations
@@ -41,10 +42,13 @@ FREE = 1e6
 """A normal force that no foot has, N."""
 
 SCALE = 1e3
-"""Of all weights. It changes no optimum, and lifts the least weights above the regularisation of TSID's solver."""
+"""Of all weights. It changes no optimum, and lifts the least weights above the regularisation of
+TSID's solver.
+"""
 POSTURE = 1e-6
-"""Weight of the legs' joints, 1e-9 of that of the body. The condensed WBC does not have this cost, and its torques
-differ in proportion to it."""
+"""Weight of the legs' joints, 1e-9 of that of the body. The condensed WBC does not have this cost,
+and its torques differ in proportion to it.
+"""
 
 
 @dataclass(frozen=True)
@@ -101,7 +105,20 @@ class Expected:
     solved: NDArray[np.bool_]  # (ticks,) whether the program was solved
 
 
-ARRAYS = ("q", "v", "body", "orientation", "feet", "joints", "brake", "held", "loaded", "sole", "resistance", "counted")
+ARRAYS = (
+    "q",
+    "v",
+    "body",
+    "orientation",
+    "feet",
+    "joints",
+    "brake",
+    "held",
+    "loaded",
+    "sole",
+    "resistance",
+    "counted",
+)
 
 
 @dataclass(frozen=True)
@@ -111,16 +128,21 @@ class PeerProblem:
     settings: dict[str, Any]  # names of links and joints, weights and limits
     q: Vector  # (ticks, nq) configuration
     v: Vector  # (ticks, nv) generalised velocity
-    # (ticks, 3) desired acceleration of the body's origin, world axes, m/s²; where the settings say ``centred`` its
+    # (ticks, 3) desired acceleration of the body's origin, world axes, m/s²; where the settings say
+    # ``centred`` its
     # first two entries are that of the centre of mass
     body: Vector
     orientation: Vector  # (ticks, 3) desired angular acceleration of the body, world axes, rad/s²
     feet: Vector  # (ticks, contact points, 3) desired accelerations, world axes, m/s²
     joints: Vector  # (ticks, joints) desired accelerations, rad/s²
-    brake: Vector  # (ticks, joints) what is added to the weights of joints near the ends of their ranges
+    # (ticks, joints) what is added to the weights of joints near the ends of their ranges
+    brake: Vector
     held: Vector  # (ticks, contact points) 1 where a foot is held
-    loaded: Vector  # (ticks, contact points) 1 where a point may bear load; a held sole may lift a corner
-    sole: Vector  # (ticks, soles, 6) acceleration with which a held sole follows its corners, world axes, m/s², rad/s²
+    # (ticks, contact points) 1 where a point may bear load; a held sole may lift a corner
+    loaded: Vector
+    # (ticks, soles, 6) acceleration with which a held sole follows its corners, world axes, m/s²,
+    # rad/s²
+    sole: Vector
     resistance: Vector  # (ticks, nv) damping and friction of the joints, against their motion, N·m
     counted: Vector  # (ticks,) 1 where times count
     expected: Expected
@@ -131,7 +153,9 @@ class PeerProblem:
     def save(self, path: Path, repetitions: int, options: Mapping[str, Any]) -> None:
         """Write the file that a worker reads, with how often it replays, and options of its own."""
         settings = json.dumps({**self.settings, **options, "repetitions": repetitions})
-        np.savez(path, settings=np.array(settings), **{name: getattr(self, name) for name in ARRAYS})
+        np.savez(
+            path, settings=np.array(settings), **{name: getattr(self, name) for name in ARRAYS}
+        )
 
 
 def make_problem(case: Case, urdf: Path) -> PeerProblem:
@@ -144,7 +168,9 @@ def make_problem(case: Case, urdf: Path) -> PeerProblem:
     Raises:
         InputError: a program that the peers do not have.
     """
-    controller = WholeBodyController(case.gait, replace(case.parameters, formulation="full", **OWN_SEARCH))
+    controller = WholeBodyController(
+        case.gait, replace(case.parameters, formulation="full", **OWN_SEARCH)
+    )
     robot, problem = controller.robot, controller.problem
     write_model(robot, urdf)
     ticks: list[tuple[Vector, ...]] = []
@@ -161,7 +187,9 @@ def make_problem(case: Case, urdf: Path) -> PeerProblem:
             z = solution.z
             problem.inputs(z, inputs)
             solved = solution.status is QPStatus.SOLVED
-            solutions.append((problem.acceleration(z), problem.contact_force(z), inputs.copy(), solved))
+            solutions.append(
+                (problem.acceleration(z), problem.contact_force(z), inputs.copy(), solved)
+            )
             ticks.append((*_handed_over(controller, state, data), np.array(float(i >= case.first))))
             centred.add(controller.targets.centred)
     if len(centred) > 1:
@@ -182,15 +210,24 @@ def make_problem(case: Case, urdf: Path) -> PeerProblem:
         "armature": robot.model.armature.tolist(),
         "torque_limit": (problem.limits.torque_scale * robot.torque_limit).tolist(),
         "mu": float(problem.limits.pyramid[0, 2]),
-        "weights": {name: getattr(weights, name) for name in ("body", "orientation", "swing", "thrust", "force")},
+        "weights": {
+            name: getattr(weights, name)
+            for name in ("body", "orientation", "swing", "thrust", "force")
+        },
         "joint_weights": [getattr(weights, name) for name in joint_weights(robot)],
     }
-    arrays = {name: np.array(part) for name, part in zip(ARRAYS, zip(*ticks, strict=True), strict=True)}
+    arrays = {
+        name: np.array(part) for name, part in zip(ARRAYS, zip(*ticks, strict=True), strict=True)
+    }
     return PeerProblem(settings, **arrays, expected=expected)
 
 
-def _handed_over(controller: WholeBodyController, state: State, data: pin.Data) -> tuple[Vector, ...]:
-    """What peers are given of a tick, of which the program was built: :data:`ARRAYS` but the last."""
+def _handed_over(
+    controller: WholeBodyController, state: State, data: pin.Data
+) -> tuple[Vector, ...]:
+    """What peers are given of a tick, of which the program was built: :data:`ARRAYS` but the
+    last.
+    """
     robot, d, t = controller.robot, controller.dynamics, controller.targets
     if t.tilted or np.isfinite(t.friction).any():
         raise InputError("peers are given level ground, and one friction coefficient")
@@ -209,16 +246,20 @@ def _handed_over(controller: WholeBodyController, state: State, data: pin.Data) 
         (t.joint_share - 1.0) * each,
         t.held.copy(),
         (t.held * (t.force_range[:, 1] > 0.0)),
-        np.array([_motion_of_sole(controller, n) for n in range(len(robot.flat_feet))]).reshape(-1, 6),
+        np.array([_motion_of_sole(controller, n) for n in range(len(robot.flat_feet))]).reshape(
+            -1, 6
+        ),
         resistance,
     )
 
 
 def _motion_of_sole(controller: WholeBodyController, n: int) -> Vector:
-    """Acceleration of a sole, linear in its middle and angular, that is nearest to those desired of its corners.
+    """Acceleration of a sole, linear in its middle and angular, that is nearest to those desired of
+    its corners.
 
-    It is the solution of the rows of :func:`harpy_pin.model.terms.flat_foot_rows`: with ρ_i from the middle to the
-    corners, Σ (a_i − α_i) = 0 and Σ ρ_i × (a_i − α_i) = 0, where a_i = a + ω̇ × ρ_i + ω × (ω × ρ_i).
+    It is the solution of the rows of :func:`harpy_pin.model.terms.flat_foot_rows`: with ρ_i from
+    the middle to the corners, Σ (a_i − α_i) = 0 and Σ ρ_i × (a_i − α_i) = 0, where a_i = a + ω̇ ×
+    ρ_i + ω × (ω × ρ_i).
     """
     d, corners = controller.dynamics, slice(4 * n, 4 * n + 4)
     arm = d.foot_position[corners] - d.foot_position[corners].mean(axis=0)

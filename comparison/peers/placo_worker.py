@@ -1,17 +1,21 @@
-"""Replays recorded states through placo's dynamics solver; runs in a virtual environment of its own.
+"""Replays recorded states through placo's dynamics solver; runs in a virtual environment of its
+own.
 
     python placo_worker.py PROBLEM RESULT
 
-Both files are ``.npz``, described in :mod:`comparison.peers.peer_problem` and :mod:`comparison.peers.measure_peer`.
-Nothing of this library is imported here: placo needs another version of Pinocchio.
+Both files are ``.npz``, described in :mod:`comparison.peers.peer_problem` and
+:mod:`comparison.peers.measure_peer`. Nothing of this library is imported here: placo needs another
+version of Pinocchio.
 
-placo's objective is ½ Σ weight ‖task‖², as ours is. Its regularisation and its torque cost, which the common program
-does not have, are set to zero: the weights of forces and joints make the optimum unique already. There is a solver for
-each set of held feet and loaded corners, made beforehand, so that switching costs nothing.
+placo's objective is ½ Σ weight ‖task‖², as ours is. Its regularisation and its torque cost, which
+the common program does not have, are set to zero: the weights of forces and joints make the optimum
+unique already. There is a solver for each set of held feet and loaded corners, made beforehand, so
+that switching costs nothing.
 
-A sole is held by a hard frame task, and bears at its corners: unilateral points, each with its friction pyramid. A
-point needs a position task for its Jacobian, which has the weight zero. With ``planar`` it is placo's planar contact,
-which poses another program: the moment about the normal has no bound, and all three moments have one weight.
+A sole is held by a hard frame task, and bears at its corners: unilateral points, each with its
+friction pyramid. A point needs a position task for its Jacobian, which has the weight zero. With
+``planar`` it is placo's planar contact, which poses another program: the moment about the normal
+has no bound, and all three moments have one weight.
 """
 
 from __future__ import annotations
@@ -54,7 +58,9 @@ class Formulation:
             of_weight = [j for j, other in enumerate(s["joint_weights"]) if other == weight]
             self.postures.append((self._joints(f"posture {weight}", weight), of_weight))
         self.brakes = [
-            (self._joints(f"brake {j}", 0.0), j) for j in range(len(s["joints"])) if problem["brake"][:, j].any()
+            (self._joints(f"brake {j}", 0.0), j)
+            for j in range(len(s["joints"]))
+            if problem["brake"][:, j].any()
         ]
         self.contacts: dict[int, Any] = {}
         self.feet, self.frames = [], []
@@ -79,7 +85,8 @@ class Formulation:
                     solver.add_unilateral_point_contact(self._position(name, 0.0)), "force"
                 )
         self.mounts = [
-            self._contact(solver.add_point_contact(self._position(name, 0.0)), "thrust") for name in s["thrusters"]
+            self._contact(solver.add_point_contact(self._position(name, 0.0)), "thrust")
+            for name in s["thrusters"]
         ]
 
     def _configure(self, task: Any, name: str, weight: float | None = None) -> None:
@@ -113,7 +120,9 @@ class Formulation:
 
 
 class Replay:
-    """All ticks: which formulation each has, and what it is given, as Python's lists where placo takes those."""
+    """All ticks: which formulation each has, and what it is given, as Python's lists where placo
+    takes those.
+    """
 
     def __init__(self, problem: dict[str, Any]) -> None:
         s = self.settings = problem["settings"]
@@ -127,12 +136,16 @@ class Replay:
             if key not in self.formulations:
                 self.formulations[key] = Formulation(self.robot, problem, held, loaded)
             self.at.append(self.formulations[key])
-        self.rows = {name: list(problem[name]) for name in ("q", "v", "body", "orientation", "resistance")}
+        self.rows = {
+            name: list(problem[name]) for name in ("q", "v", "body", "orientation", "resistance")
+        }
         self.rows |= {name: [list(row) for row in problem[name]] for name in ("feet", "sole")}
         self.rows |= {name: problem[name].tolist() for name in ("joints", "brake")}
 
     def step(self, i: int) -> tuple[Any, Any, int, int]:
-        """A tick: the result, its torques, and the times of the tick and of its two calls of C++, ns."""
+        """A tick: the result, its torques, and the times of the tick and of its two calls of C++,
+        ns.
+        """
         f, rows, clock, joints = self.at[i], self.rows, perf_counter_ns, self.settings["joints"]
         begin = clock()
         state, target = self.robot.state, rows["joints"][i]
@@ -172,17 +185,29 @@ class Replay:
         force, f = np.zeros((len(self.settings["contacts"]), 3)), self.at[i]
         for k, contact in f.contacts.items():
             force[k] = contact.wrench
-        return {"acceleration": result.qdd, "force": force, "thrust": [contact.wrench for contact in f.mounts]}
+        return {
+            "acceleration": result.qdd,
+            "force": force,
+            "thrust": [contact.wrench for contact in f.mounts],
+        }
 
 
 def answer(problem: dict[str, Any]) -> dict[str, Any]:
-    """Solutions of all states, NaN where the solver failed, and the times of every repetition, torques with them."""
+    """Solutions of all states, NaN where the solver failed, and the times of every repetition,
+    torques with them.
+    """
     (n, nv), s, peer = problem["v"].shape, problem["settings"], Replay(problem)
-    shapes = {"acceleration": (nv,), "force": (len(s["contacts"]), 3), "thrust": (len(s["thrusters"]), 3)}
+    shapes = {
+        "acceleration": (nv,),
+        "force": (len(s["contacts"]), 3),
+        "thrust": (len(s["thrusters"]), 3),
+    }
     found = {key: np.full((n, *shape), np.nan) for key, shape in shapes.items()}
     for i in range(n):
         for key, value in peer.solution(i).items():
-            found[key][i] = np.reshape(value, found[key][i].shape)  # without thrusters a list is empty
+            found[key][i] = np.reshape(
+                value, found[key][i].shape
+            )  # without thrusters a list is empty
     laps = np.zeros((2, s["repetitions"], n), dtype=np.int64)
     torque = np.full((n, nv - 6), np.nan)  # what was timed is what is checked
     gc.collect()

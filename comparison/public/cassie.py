@@ -1,7 +1,8 @@
 """The estimator on a log that its authors recorded: Cassie walks in their simulation.
 
-Hartley et al. (IJRR 2020) published it with their contact-aided invariant Kalman filter: samples of the inertial unit,
-fourteen encoders and two contacts at 2 kHz, and the true pose. The sensors' noise is added here, as in their example.
+Hartley et al. (IJRR 2020) published it with their contact-aided invariant Kalman filter: samples of
+the inertial unit, fourteen encoders and two contacts at 2 kHz, and the true pose. The sensors'
+noise is added here, as in their example.
 """
 
 from __future__ import annotations
@@ -44,7 +45,15 @@ TOUCHES = 0.5
 """Contact, between 0 and 1, from which on a foot touches."""
 SIDES, TOE = ("left", "right"), "0.0177 0.0522 0"
 """Place of the contact in the frame of a toe, m, from their model of Cassie."""
-JOINTS = ["hip_abduction", "hip_rotation", "hip_flexion", "knee_joint", "knee_to_shin", "ankle_joint", "toe_joint"]
+JOINTS = [
+    "hip_abduction",
+    "hip_rotation",
+    "hip_flexion",
+    "knee_joint",
+    "knee_to_shin",
+    "ankle_joint",
+    "toe_joint",
+]
 """Of a leg, in the order of the encoders."""
 PLACE, MOUNTED = (0.03155, 0.0, -0.07996), (np.pi, 0.0, 0.0)
 """Of the inertial unit in the pelvis, m and rad: it hangs upside down."""
@@ -65,11 +74,19 @@ def read_log(folder: Path) -> dict[str, Vector]:
     for name, file in SIGNALS.items():
         path = _file(folder, SOURCES[0], f"{LOG}/{file}.mat")
         try:
-            with h5py.File(path) as content:  # a time series is the largest array among Matlab's own entries
-                entries = [entry for entry in content["#refs#"].values() if isinstance(entry, h5py.Dataset)]
-                values = np.array(max((e for e in entries if e.dtype == np.float64), key=lambda e: e.size))
+            with h5py.File(
+                path
+            ) as content:  # a time series is the largest array among Matlab's own entries
+                entries = [
+                    entry for entry in content["#refs#"].values() if isinstance(entry, h5py.Dataset)
+                ]
+                values = np.array(
+                    max((e for e in entries if e.dtype == np.float64), key=lambda e: e.size)
+                )
         except (OSError, KeyError, ValueError) as error:
-            raise InputError(f"'{path}' is no file of the log: {error}", name="data", value=path) from error
+            raise InputError(
+                f"'{path}' is no file of the log: {error}", name="data", value=path
+            ) from error
         # Matlab stores columns: vectors lie along the first axis, rotations are transposed.
         found[name] = values.transpose(0, 2, 1) if values.ndim == 3 else values.T
     samples = min(map(len, found.values()))
@@ -86,12 +103,22 @@ def _file(folder: Path, source: str, name: str) -> Path:
 
 
 def load_cassie(folder: Path) -> hp.Robot:
-    """Cassie with the springs of its shins as joints, and a point in the middle of each toe as a foot."""
+    """Cassie with the springs of its shins as joints, and a point in the middle of each toe as a
+    foot.
+    """
     text = _file(folder, SOURCES[1], "urdf/cassie.urdf").read_text(encoding="utf-8")
-    text = re.sub(r"<inertial>(?:(?!</inertial>).)*<mass value=\"0\"/>.*?</inertial>", "", text, flags=re.DOTALL)
+    text = re.sub(
+        r"<inertial>(?:(?!</inertial>).)*<mass value=\"0\"/>.*?</inertial>",
+        "",
+        text,
+        flags=re.DOTALL,
+    )
     feet = ""
     for side in SIDES:
-        link = f'<link name="{side}_foot"/><joint name="{side}_sole" type="fixed"><origin xyz="{TOE}"/>'
+        link = (
+            f'<link name="{side}_foot"/><joint name="{side}_sole" type="fixed"><origin '
+            f'xyz="{TOE}"/>'
+        )
         feet += f'{link}<parent link="{side}_toe"/><child link="{side}_foot"/></joint>'
     with TemporaryDirectory() as own, warnings.catch_warnings():
         warnings.simplefilter("ignore")  # springs have no motors
@@ -100,8 +127,11 @@ def load_cassie(folder: Path) -> hp.Robot:
         return hp.load_robot(file, feet=[f"{side}_foot" for side in SIDES])
 
 
-def estimate_log(folder: Path, *, seed: int = 0, settings: EstimatorSettings | None = None) -> dict[str, Any]:
-    """How far the estimate of the log is off, by :func:`harpy_pin.log.drift.off`, and what it says at the end.
+def estimate_log(
+    folder: Path, *, seed: int = 0, settings: EstimatorSettings | None = None
+) -> dict[str, Any]:
+    """How far the estimate of the log is off, by :func:`harpy_pin.log.drift.off`, and what it says
+    at the end.
 
     Args:
         folder: with a clone of each repository, under its name.
@@ -112,7 +142,9 @@ def estimate_log(folder: Path, *, seed: int = 0, settings: EstimatorSettings | N
     imu, rng = hp.Imu(position=PLACE, orientation=MOUNTED), np.random.default_rng(seed)
     names = [f"{joint}_{side}" for side in SIDES for joint in JOINTS]
     if not set(robot.joints) <= set(names):
-        raise InputError(f"cassie.urdf has other joints: {', '.join(robot.joints)}", name="data", value=folder)
+        raise InputError(
+            f"cassie.urdf has other joints: {', '.join(robot.joints)}", name="data", value=folder
+        )
     angles = log["encoders"][:, [names.index(joint) for joint in robot.joints]]
     speeds = np.diff(angles, axis=0, prepend=angles[:1]) / PERIOD
     q, v = _truth(robot, log, imu, angles, speeds)
@@ -125,7 +157,9 @@ def estimate_log(folder: Path, *, seed: int = 0, settings: EstimatorSettings | N
         accelerometer = log["accelerometer"][k] + NOISE[1] * rng.standard_normal(3)
         force = 0.5 * weight * (log["contact"][k] > TOUCHES)
         legs = angles[k], speeds[k], torque
-        state = estimator.step(hp.Readings(PERIOD * k, gyroscope, accelerometer, *legs, foot_force=force))
+        state = estimator.step(
+            hp.Readings(PERIOD * k, gyroscope, accelerometer, *legs, foot_force=force)
+        )
         guess.append(state.q.copy())
         speed.append(state.v.copy())
     error = off(q[BEGIN:], v[BEGIN:], np.array(guess), np.array(speed), period=PERIOD)
@@ -135,7 +169,9 @@ def estimate_log(folder: Path, *, seed: int = 0, settings: EstimatorSettings | N
 def _truth(
     robot: hp.Robot, log: dict[str, Vector], imu: hp.Imu, angles: Vector, speeds: Vector
 ) -> tuple[Vector, Vector]:
-    """(samples, nq) configurations and (samples, nv) velocities, from those of the inertial unit."""
+    """(samples, nq) configurations and (samples, nv) velocities, from those of the inertial
+    unit.
+    """
     model, arm = robot.model, np.array(imu.position)
     q, v = np.zeros((len(angles), model.nq)), np.zeros((len(angles), model.nv))
     turned = log["rotation"] @ imu.rotation.T
@@ -154,7 +190,13 @@ def _truth(
 
 def recorded_tables(found: Mapping[str, Any]) -> list[Table]:
     """The table of the log's estimate."""
-    columns = {"drift": ("drift", "%"), "path": ("trajectory_mm", "mm"), "velocity": ("velocity_cm_s", "cm/s")}
+    columns = {
+        "drift": ("drift", "%"),
+        "path": ("trajectory_mm", "mm"),
+        "velocity": ("velocity_cm_s", "cm/s"),
+    }
     columns |= {"tilt": ("tilt_deg", "°"), "way": ("way_m", "m"), "status": ("status", "")}
-    cells = tuple(Cell("Cassie", column, found[name], unit) for column, (name, unit) in columns.items())
+    cells = tuple(
+        Cell("Cassie", column, found[name], unit) for column, (name, unit) in columns.items()
+    )
     return [Table("recorded", "On the log of others", cells, "As of python -m comparison senses.")]

@@ -1,4 +1,6 @@
-"""Solvers on programs of other people, to qpbenchmark's tolerances: how many they solve, and how fast."""
+"""Solvers on programs of other people, to qpbenchmark's tolerances: how many they solve, and how
+fast.
+"""
 
 from __future__ import annotations
 
@@ -25,14 +27,18 @@ KEYS = ("P", "q", "G", "h", "A", "b", "lb", "ub")
 LEVELS = {"low": 1e-3, "mid": 1e-6, "high": 1e-9}
 """Bound on both residuals and on the gap, at each of qpbenchmark's accuracies."""
 TIME_LIMIT, SHIFT = 10.0, 10.0
-"""Time that a program without a solution counts, s, and shift of the geometric mean of times, s: qpbenchmark's."""
+"""Time that a program without a solution counts, s, and shift of the geometric mean of times, s:
+qpbenchmark's.
+"""
 
 Contender = Callable[[Problem, float], tuple[Callable[[], Any], Callable[[Any], Solution]]]
 """Of a program and an accuracy: what is timed, and what makes a solution of its result."""
 
 
 def settings_of(solver: str, eps: float) -> dict[str, Any]:
-    """Options by which qpbenchmark 2.7 asks a solver for an accuracy (``SolverSettings``, ``TestSet``)."""
+    """Options by which qpbenchmark 2.7 asks a solver for an accuracy (``SolverSettings``,
+    ``TestSet``).
+    """
     gap = {"check_duality_gap": True, "eps_duality_gap_abs": eps, "eps_duality_gap_rel": 0.0}
     return {
         "clarabel": {"tol_feas": eps, "tol_gap_abs": eps, "tol_gap_rel": 0.0},
@@ -44,14 +50,20 @@ def settings_of(solver: str, eps: float) -> dict[str, Any]:
 
 
 def through_qpsolvers(solver: str) -> Contender:
-    """A solver as qpbenchmark calls it; the conversion to sparse matrices is not timed there either."""
+    """A solver as qpbenchmark calls it; the conversion to sparse matrices is not timed there
+    either.
+    """
 
     def contender(p: Problem, eps: float) -> tuple[Callable[[], Any], Callable[[Any], Solution]]:
         arrays = {key: getattr(p, key) for key in KEYS}
         if solver == "clarabel":
-            arrays |= {key: csc_matrix(arrays[key]) for key in ("P", "G", "A") if arrays[key] is not None}
+            arrays |= {
+                key: csc_matrix(arrays[key]) for key in ("P", "G", "A") if arrays[key] is not None
+            }
         problem, options = qpsolvers.Problem(**arrays), settings_of(solver, eps)
-        return lambda: qpsolvers.solve_problem(problem, solver=solver, **options), lambda solution: solution
+        return lambda: qpsolvers.solve_problem(
+            problem, solver=solver, **options
+        ), lambda solution: solution
 
     return contender
 
@@ -77,25 +89,36 @@ def daqp_alone(p: Problem, eps: float) -> tuple[Callable[[], Any], Callable[[Any
     def read(result: Any) -> Solution:
         x, _, flag, info = result
         lam = info["lam"]
-        return Solution(p, found=flag > 0, x=x, y=lam[end:], z=lam[box:end], z_box=lam[:box] if box else None)
+        return Solution(
+            p, found=flag > 0, x=x, y=lam[end:], z=lam[box:end], z_box=lam[:box] if box else None
+        )
 
-    return lambda: daqp.solve(p.P, p.q, rows, upper, lower, sense, primal_tol=eps, dual_tol=eps), read
+    return lambda: daqp.solve(
+        p.P, p.q, rows, upper, lower, sense, primal_tol=eps, dual_tol=eps
+    ), read
 
 
 def dual_made(p: Problem, eps: float) -> tuple[Callable[[], Any], Callable[[Any], Solution]]:
-    """Ours as qpsolvers calls a solver: all memory is made for this program. It is exact and takes no tolerance."""
+    """Ours as qpsolvers calls a solver: all memory is made for this program. It is exact and takes
+    no tolerance.
+    """
     return lambda: solve_with_dual(p), lambda solution: solution
 
 
 def dual_kept(p: Problem, eps: float) -> tuple[Callable[[], Any], Callable[[Any], Solution]]:
-    """Ours as a controller calls it: memory is there, the arrays are filled and the program is solved."""
+    """Ours as a controller calls it: memory is there, the arrays are filled and the program is
+    solved.
+    """
     program, solver = _make(p)
 
     def solve() -> bool:
         _fill(p, program)
         return solver.solve(program).status is QPStatus.SOLVED
 
-    return solve, lambda solved: _solution(p, program, solver) if solved else Solution(p, found=False)
+    return (
+        solve,
+        lambda solved: _solution(p, program, solver) if solved else Solution(p, found=False),
+    )
 
 
 def solve_with_dual(p: Problem) -> Solution:
@@ -132,27 +155,35 @@ def _solution(p: Problem, program: QuadraticProgram, solver: DualActiveSet) -> S
     """The solution, with multipliers in the form and the signs of qpsolvers."""
     n_eq, bounded, x = len(program.equality_value), program.bounded, solver.solution.z.copy()
     rows = np.zeros(len(solver.active))
-    for constraint, pull in zip(field(solver.record, "chosen"), field(solver.record, "multiplier"), strict=False):
+    for constraint, pull in zip(
+        field(solver.record, "chosen"), field(solver.record, "multiplier"), strict=False
+    ):
         if constraint >= n_eq and solver.active[constraint - n_eq] and not rows[constraint - n_eq]:
             rows[constraint - n_eq] = solver.active[constraint - n_eq] * pull
     y = np.zeros(0)
     if n_eq:  # the method keeps neither the sign of an equality nor one that is redundant
         rest = program.hessian @ x + program.gradient + program.inequality.T @ rows
         y = np.asarray(np.linalg.lstsq(program.equality.T, -rest, rcond=None)[0], dtype=np.float64)
-    return Solution(p, found=True, x=x, y=y, z=rows[bounded:], z_box=rows[:bounded] if bounded else None)
+    return Solution(
+        p, found=True, x=x, y=y, z=rows[bounded:], z_box=rows[:bounded] if bounded else None
+    )
 
 
 SOLVERS: dict[str, Contender] = {
     "dual (ours)": dual_made,
     "dual (ours), memory kept": dual_kept,
-    **{name: through_qpsolvers(name) for name in ("daqp", "quadprog", "piqp", "proxqp", "clarabel")},
+    **{
+        name: through_qpsolvers(name) for name in ("daqp", "quadprog", "piqp", "proxqp", "clarabel")
+    },
     "daqp, without qpsolvers": daqp_alone,
 }
 """What is compared, by the name that readers see."""
 
 
 class _Row(NamedTuple):
-    """A program under one solver: whether a solution is claimed, the median time, s, residuals and gap."""
+    """A program under one solver: whether a solution is claimed, the median time, s, residuals and
+    gap.
+    """
 
     name: str
     claimed: bool
@@ -166,11 +197,14 @@ def time_solvers(
     """All solvers on all programs to all accuracies, one after the other on each program.
 
     Returns:
-        For each solver and accuracy the share of programs that it says it solved and whose residuals and gap are
-        below the tolerance, the names of the others, the largest residuals and gap among those it says it solved, the
-        median time of a program and the shifted geometric mean of the times, µs.
+        For each solver and accuracy the share of programs that it says it solved and whose
+        residuals and gap are below the tolerance, the names of the others, the largest residuals
+        and gap among those it says it solved, the median time of a program and the shifted
+        geometric mean of the times, µs.
     """
-    kept: dict[tuple[str, str], list[_Row]] = {(name, level): [] for name in SOLVERS for level in LEVELS}
+    kept: dict[tuple[str, str], list[_Row]] = {
+        (name, level): [] for name in SOLVERS for level in LEVELS
+    }
     with warnings.catch_warnings(), without_gc():
         warnings.simplefilter("ignore")
         for done, (name, p) in enumerate(problems, start=1):
@@ -178,10 +212,15 @@ def time_solvers(
                 for solver, contender in SOLVERS.items():
                     kept[solver, level].append(_solved(name, *contender(p, eps), repetitions))
             progress(done, len(problems))
-    return {name: {level: _summary(kept[name, level], eps) for level, eps in LEVELS.items()} for name in SOLVERS}
+    return {
+        name: {level: _summary(kept[name, level], eps) for level, eps in LEVELS.items()}
+        for name in SOLVERS
+    }
 
 
-def _solved(name: str, solve: Callable[[], Any], read: Callable[[Any], Solution], repetitions: int) -> _Row:
+def _solved(
+    name: str, solve: Callable[[], Any], read: Callable[[Any], Solution], repetitions: int
+) -> _Row:
     """A row for a program; a first, untimed call warms up."""
     with suppress(Exception):  # as in qpbenchmark: a solver that raises has found nothing
         solution, times = read(solve()), []
@@ -190,7 +229,11 @@ def _solved(name: str, solve: Callable[[], Any], read: Callable[[Any], Solution]
             solve()
             times.append(perf_counter() - begin)
         if times:
-            residuals = (solution.primal_residual(), solution.dual_residual(), solution.duality_gap())
+            residuals = (
+                solution.primal_residual(),
+                solution.dual_residual(),
+                solution.duality_gap(),
+            )
             return _Row(name, True, float(np.median(times)), residuals)
     return _Row(name, False, TIME_LIMIT, (np.inf, np.inf, np.inf))
 

@@ -1,4 +1,5 @@
-"""Public benchmarks: programs that other people published, read from clones that the user made, by all solvers.
+"""Public benchmarks: programs that other people published, read from clones that the user made, by
+all solvers.
 
 minimise ½ xᵀP x + qᵀx  subject to  G x ≤ h,  A x = b,  lb ≤ x ≤ ub
 """
@@ -34,7 +35,9 @@ EQUAL = 1e-10
 
 
 def is_convex(named: tuple[str, Problem]) -> bool:
-    """Whether P is positive definite by qpbenchmark's test: every computed eigenvalue is positive."""
+    """Whether P is positive definite by qpbenchmark's test: every computed eigenvalue is
+    positive.
+    """
     return bool((np.linalg.eigvals(named[1].P) > 0.0).all())
 
 
@@ -43,7 +46,16 @@ def _reading(path: Path) -> Iterator[None]:
     """Whatever goes wrong while a program is read becomes one error that names its file."""
     try:
         yield
-    except (OSError, EOFError, RuntimeError, ValueError, TypeError, LookupError, BadZipFile, MatReadError) as error:
+    except (
+        OSError,
+        EOFError,
+        RuntimeError,
+        ValueError,
+        TypeError,
+        LookupError,
+        BadZipFile,
+        MatReadError,
+    ) as error:
         raise InputError(f"'{path}' is no program: {error}", name="data", value=path) from error
 
 
@@ -69,25 +81,36 @@ def _array(file: np.lib.npyio.NpzFile, key: str) -> Vector | None:
 
 
 def mat_problems(folder: Path) -> Iterator[tuple[str, Problem]]:
-    """Programs of the dense subset of maros_meszaros_qpbenchmark: l ≤ [C; I] x ≤ u in files of Matlab."""
+    """Programs of the dense subset of maros_meszaros_qpbenchmark: l ≤ [C; I] x ≤ u in files of
+    Matlab.
+    """
     for path in sorted(folder.glob("*.mat")):
         with _reading(path):
             file = loadmat(path, variable_names=["P", "q", "A", "l", "u", "n", "m"])
             n, m = int(file["n"].flat[0]), int(file["m"].flat[0])
             problem = _one_sided(file, n) if n <= LARGEST and m <= 3 * LARGEST else None
         if problem is not None:
-            rows = (problem.h, problem.b, problem.lb)  # constraints as that subset counts them: bounds once
+            rows = (
+                problem.h,
+                problem.b,
+                problem.lb,
+            )  # constraints as that subset counts them: bounds once
             if sum(len(value) for value in rows if value is not None) <= LARGEST:
                 yield path.stem, problem
 
 
 def _one_sided(file: dict[str, Vector], n: int) -> Problem:
-    hessian, rows = (np.asarray(csc_matrix(file[key]).toarray(), dtype=np.float64) for key in ("P", "A"))
+    hessian, rows = (
+        np.asarray(csc_matrix(file[key]).toarray(), dtype=np.float64) for key in ("P", "A")
+    )
     lower, upper = (np.asarray(file[key], dtype=np.float64).ravel() for key in ("l", "u"))
     lower[lower < -INFINITE], upper[upper > INFINITE] = -np.inf, np.inf
     low, high, constraint = lower[:-n], upper[:-n], rows[:-n]
     equal = high - low < EQUAL
-    g, h = np.vstack((constraint[~equal], -constraint[~equal])), np.concatenate((high[~equal], -low[~equal]))
+    g, h = (
+        np.vstack((constraint[~equal], -constraint[~equal])),
+        np.concatenate((high[~equal], -low[~equal])),
+    )
     g, h = g[np.isfinite(h)], h[np.isfinite(h)]
     inequalities: dict[str, Any] = {"G": g, "h": h} if h.size else {}
     equalities: dict[str, Any] = {"A": constraint[equal], "b": high[equal]} if equal.any() else {}
@@ -96,13 +119,19 @@ def _one_sided(file: dict[str, Vector], n: int) -> Problem:
 
 
 SOURCES = {"mpc": "qpsolvers/mpc_qpbenchmark", "maros": "qpsolvers/maros_meszaros_qpbenchmark"}
-"""Repositories on GitHub whose folder ``data`` is read; their licence is Apache-2.0. Nothing of theirs is part of this
-one."""
-SETS = {"mpc": "dense programs of mpc_qpbenchmark", "maros": "dense positive definite ones of maros_meszaros"}
+"""Repositories on GitHub whose folder ``data`` is read; their licence is Apache-2.0. Nothing of
+theirs is part of this one.
+"""
+SETS = {
+    "mpc": "dense programs of mpc_qpbenchmark",
+    "maros": "dense positive definite ones of maros_meszaros",
+}
 _ACCURACY = {"primal_max": "primal residual", "dual_max": "dual residual", "gap_max": "gap"}
 _NOTE = (
-    "Solved: claimed, with both residuals and the gap below 1e-3, 1e-6 and 1e-9. Residuals, gap and times at the "
-    "last of these; residuals and gap are the largest of programs that were claimed. The mean is the shifted "
+    "Solved: claimed, with both residuals and the gap below 1e-3, 1e-6 and 1e-9. Residuals, gap "
+    "and times at the "
+    "last of these; residuals and gap are the largest of programs that were claimed. The mean is "
+    "the shifted "
     "geometric one of qpbenchmark, in which a program without a solution counts 10 s."
 )
 
@@ -126,14 +155,20 @@ def measure_public(
     absent = [name for name in SOURCES if name not in found]
     missing = [f"git clone https://github.com/{SOURCES[name]} '{clones[name]}'" for name in absent]
     if not found:
-        message = f"'{folder}' has no clone of {', '.join(SOURCES.values())}; to get them: {' && '.join(missing)}"
+        message = (
+            f"'{folder}' has no clone of {', '.join(SOURCES.values())}; to get them: "
+            f"{' && '.join(missing)}"
+        )
         raise InputError(message, name="data", value=folder)
     result: dict[str, Any] = {"missing": missing}
     for name in found:
         path = clones[name] / "data"
         every = list(npz_problems(path) if name == "mpc" else filter(is_convex, mat_problems(path)))
         chosen = every[:: -(-len(every) // problems) or 1]
-        result[name] = {"problems": len(chosen), "solvers": time_solvers(chosen, repetitions, progress)}
+        result[name] = {
+            "problems": len(chosen),
+            "solvers": time_solvers(chosen, repetitions, progress),
+        }
     return result
 
 
@@ -145,12 +180,20 @@ def public_tables(result: Mapping[str, Any]) -> list[Table]:
         best = min(row[high]["shifted_mean_us"] for row in entry["solvers"].values())
         for solver, levels in entry["solvers"].items():
             row = levels[high]
-            cells += [Cell(solver, f"solved, {level}", levels[level]["solved_percent"], "%") for level in LEVELS]
+            cells += [
+                Cell(solver, f"solved, {level}", levels[level]["solved_percent"], "%")
+                for level in LEVELS
+            ]
             cells += [Cell(solver, text, row[key]) for key, text in _ACCURACY.items()]
             cells.append(Cell(solver, "median", row["median_us"], "µs"))
             cells.append(Cell(solver, "mean time, to the best", row["shifted_mean_us"] / best))
-        tables.append(Table(f"public_{name}", f"{entry['problems']} {SETS[name]}", tuple(cells), _NOTE))
+        tables.append(
+            Table(f"public_{name}", f"{entry['problems']} {SETS[name]}", tuple(cells), _NOTE)
+        )
     if result["missing"]:
-        cells = [Cell(f"missing {k}", "to get it", text) for k, text in enumerate(result["missing"], start=1)]
+        cells = [
+            Cell(f"missing {k}", "to get it", text)
+            for k, text in enumerate(result["missing"], start=1)
+        ]
         tables.append(Table("public_missing", "Repositories that are not there", tuple(cells)))
     return tables

@@ -1,1 +1,3 @@
-"""From the result to its readers: the answer, tables, figures, the page, JSON and CSV, and what changed."""
+"""From the result to its readers: the answer, tables, figures, the page, JSON and CSV, and what
+changed.
+"""

@@ -1,4 +1,6 @@
-"""Tables of the claims of the paper, from the numbers that ``python -m reproduction paper --json`` writes."""
+"""Tables of the claims of the paper, from the numbers that ``python -m reproduction paper --json``
+writes.
+"""
 
 from __future__ import annotations
 
@@ -9,11 +11,14 @@ from comparison.tables import Cell, Table
 
 
 def paper_tables(document: Mapping[str, Any]) -> list[Table]:
-    """Verdicts on the claims, and the runs of the first simulation that start inside the friction cone."""
+    """Verdicts on the claims, and the runs of the first simulation that start inside the friction
+    cone.
+    """
     claims = Table("claims", "The paper's claims", tuple(_claims(document["claims"])))
     inside = Table(
         "vlip_inside",
-        "The paper's first simulation from a start inside the friction cone, with Cartesian references",
+        "The paper's first simulation from a start inside the friction cone, with Cartesian "
+        "references",
         tuple(_inside(document["vlip_inside"])),
         "Reversals of the normal force, with the step of 1 ms divided by 1, 2 and 4.",
     )

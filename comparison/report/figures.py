@@ -43,12 +43,18 @@ def pareto_figure(table: Table) -> Figure:
     from matplotlib.figure import Figure
     from matplotlib.ticker import LogLocator
 
-    points = {row: (table.number(row, "tick, median"), table.number(row, "slip per step")) for row in table.rows}
+    points = {
+        row: (table.number(row, "tick, median"), table.number(row, "slip per step"))
+        for row in table.rows
+    }
     points = {row: p for row, p in points.items() if all(value > 0.0 for value in p)}
     if not points:
         raise InputError("no contender has both a time and a slip", name="table")
     others = [row for row in table.rows if "ProxQP" not in row]
-    colours = {row: _OTHERS[others.index(row) % len(_OTHERS)] if row in others else _PROXQP for row in table.rows}
+    colours = {
+        row: _OTHERS[others.index(row) % len(_OTHERS)] if row in others else _PROXQP
+        for row in table.rows
+    }
     figure = Figure(figsize=(7.2, 4.6), layout="constrained")
     axes = figure.subplots()
     axes.set(xscale="log", yscale="log")
@@ -67,17 +73,32 @@ def pareto_figure(table: Table) -> Figure:
             axes.plot([x, tail], [y, y], linewidth=1.4, **spread)
             axes.plot([tail], [y], marker="|", markersize=6, **spread)
         ends[row] = tail if np.isfinite(tail) else x
-        axes.plot([x], [y], marker="o", markersize=9, color=colours[row], markeredgecolor="white", zorder=3)
-    right = max(max(x, np.nan_to_num(table.number(row, "tick, p99"))) for row, (x, _) in points.items())
+        axes.plot(
+            [x],
+            [y],
+            marker="o",
+            markersize=9,
+            color=colours[row],
+            markeredgecolor="white",
+            zorder=3,
+        )
+    right = max(
+        max(x, np.nan_to_num(table.number(row, "tick, p99"))) for row, (x, _) in points.items()
+    )
     axes.set_xlim(0.6 * min(x for x, _ in points.values()), 2.6 * right)
     axes.set_ylim(min(heights) / 1.6, max(heights) * 1.6)
     _write_plainly(axes.xaxis, axes.yaxis)
     axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
     axes.set_xlabel("time per complete tick, µs: median, line to the 99th percentile")
     axes.set_ylabel("slip per step, mm: median over the campaign, 95 % interval")
-    axes.text(0.012, 0.02, "↙ cheaper, less slip", transform=axes.transAxes, color="#7b8794", fontsize=8.5)
+    axes.text(
+        0.012, 0.02, "↙ cheaper, less slip", transform=axes.transAxes, color="#7b8794", fontsize=8.5
+    )
     shares = {row: 100.0 * table.number(row, "falls") for row in points}
-    texts = {row: f"falls in {share:.0f} % of walks" if share > 0.0 else "no falls" for row, share in shares.items()}
+    texts = {
+        row: f"falls in {share:.0f} % of walks" if share > 0.0 else "no falls"
+        for row, share in shares.items()
+    }
     _write_labels(axes, points, ends, texts, colours)
     return figure
 
@@ -89,15 +110,22 @@ def _write_labels(
     texts: Mapping[str, str],
     colours: Mapping[str, str],
 ) -> None:
-    """Names and falls, each where it covers neither a point nor another label, and stands nearest to its own point."""
+    """Names and falls, each where it covers neither a point nor another label, and stands nearest
+    to its own point.
+    """
     from matplotlib.patheffects import withStroke
 
     axes.figure.draw_without_rendering()  # type: ignore[union-attr]
     scale = 72.0 / axes.figure.dpi  # everything below is in points
     frame = np.array(axes.bbox.extents) * scale + (0.0, 16.0, 0.0, 0.0)
     places = {row: axes.transData.transform(point) * scale for row, point in points.items()}
-    tails = {row: float(axes.transData.transform((ends[row], y))[0] * scale) for row, (_, y) in points.items()}
-    taken = [np.array((x - 6.0, y - 6.0, tails[row] + 3.0, y + 6.0)) for row, (x, y) in places.items()]
+    tails = {
+        row: float(axes.transData.transform((ends[row], y))[0] * scale)
+        for row, (_, y) in points.items()
+    }
+    taken = [
+        np.array((x - 6.0, y - 6.0, tails[row] + 3.0, y + 6.0)) for row, (x, y) in places.items()
+    ]
 
     def common(a: Any, b: Any) -> float:
         """Area that two boxes have in common."""
@@ -115,22 +143,49 @@ def _write_labels(
         lefts = (tails[row] + 8.0, x - 8.0 - width, x - 0.5 * width)
         corners = [(left, y + lift - 0.5 * height) for lift in _LIFTS for left in lefts]
         boxes = [np.array((left, low, left + width, low + height)) for left, low in corners]
-        covered = [sum(common(box, b) for b in taken) + 10.0 * (width * height - common(box, frame)) for box in boxes]
-        stray = [max([far(box, places[row]) - far(box, other) for other in others], default=0.0) for box in boxes]
+        covered = [
+            sum(common(box, b) for b in taken) + 10.0 * (width * height - common(box, frame))
+            for box in boxes
+        ]
+        stray = [
+            max([far(box, places[row]) - far(box, other) for other in others], default=0.0)
+            for box in boxes
+        ]
         box = boxes[int(np.argmin(np.array(covered) + 20.0 * np.maximum(stray, 0.0)))]
         taken.append(box)
-        place: dict[str, Any] = {"textcoords": "offset points", "va": "center", "annotation_clip": False, "zorder": 5}
-        place["path_effects"] = [withStroke(linewidth=2.5, foreground="white")]  # where a line passes behind
-        line = {"arrowstyle": "-", "color": colours[row], "alpha": 0.4, "linewidth": 0.7, "shrinkB": 5.0}
+        place: dict[str, Any] = {
+            "textcoords": "offset points",
+            "va": "center",
+            "annotation_clip": False,
+            "zorder": 5,
+        }
+        place["path_effects"] = [
+            withStroke(linewidth=2.5, foreground="white")
+        ]  # where a line passes behind
+        line = {
+            "arrowstyle": "-",
+            "color": colours[row],
+            "alpha": 0.4,
+            "linewidth": 0.7,
+            "shrinkB": 5.0,
+        }
         right, up = box[0] - x, box[1] + 0.5 * height - y
-        how: dict[str, Any] = {"fontweight": "bold", "arrowprops": line if abs(up) > 30.0 else None, **place}
+        how: dict[str, Any] = {
+            "fontweight": "bold",
+            "arrowprops": line if abs(up) > 30.0 else None,
+            **place,
+        }
         axes.annotate(row, points[row], (right, up + 5.5), color=colours[row], **how)
-        axes.annotate(texts[row], points[row], (right, up - 5.5), color="#2b3440", fontsize=8.0, **place)
+        axes.annotate(
+            texts[row], points[row], (right, up - 5.5), color="#2b3440", fontsize=8.0, **place
+        )
 
 
 @styled
 def growth_figure(tables: Mapping[str, Table]) -> Figure:
-    """Times against faces, feet held and degrees of freedom: three panels that share the axis of time."""
+    """Times against faces, feet held and degrees of freedom: three panels that share the axis of
+    time.
+    """
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(8.4, 3.6), layout="constrained")
@@ -139,7 +194,9 @@ def growth_figure(tables: Mapping[str, Table]) -> Figure:
         table = tables[f"growth_{kind}"]
         rows = [row for row in table.rows if np.isfinite(table.number(row, "size"))]
         rows.sort(key=lambda row: table.number(row, "size"))
-        robots = [row.partition(",")[0] if kind == "contacts" else "all" for row in rows]  # a line for each of them
+        robots = [
+            row.partition(",")[0] if kind == "contacts" else "all" for row in rows
+        ]  # a line for each of them
         for colour, text in zip(_GROWTH, PARTS.values(), strict=True):
             for robot in dict.fromkeys(robots):
                 own = [row for row, of in zip(rows, robots, strict=True) if of == robot]
@@ -153,7 +210,9 @@ def growth_figure(tables: Mapping[str, Table]) -> Figure:
         panel.grid(True, which="both", alpha=0.25)
     panels[0].yaxis.set_minor_formatter(panels[0].yaxis.get_major_formatter())
     panels[0].set_ylabel("median, µs")
-    figure.legend(*panels[0].get_legend_handles_labels(), loc="outside upper center", ncols=3, frameon=False)
+    figure.legend(
+        *panels[0].get_legend_handles_labels(), loc="outside upper center", ncols=3, frameon=False
+    )
     return figure
 
 

@@ -43,7 +43,9 @@ MEASURES = {
 def tables_of(document: Mapping[str, Any]) -> list[Table]:
     """Every table of the report, in its order."""
     friction, walk = document["settings"]["friction"], document["walk"]
-    cells = (Cell(text, who, walk[who][measure]) for measure, text in MEASURES.items() for who in TIMED)
+    cells = (
+        Cell(text, who, walk[who][measure]) for measure, text in MEASURES.items() for who in TIMED
+    )
     return [
         answer_of(document).table(),
         pareto_table(document),
@@ -56,7 +58,10 @@ def tables_of(document: Mapping[str, Any]) -> list[Table]:
         *summary_tables(document["campaign"]),
         *growth_tables(document["growth"]),
         simulator_table(document["simulator"]),
-        *(_flat(document[key], key, key.capitalize()) for key in ("settings", "machine", "versions")),
+        *(
+            _flat(document[key], key, key.capitalize())
+            for key in ("settings", "machine", "versions")
+        ),
     ]
 
 
@@ -85,12 +90,18 @@ def pareto_table(document: Mapping[str, Any]) -> Table:
     for name, entry in whole.items():
         row, tick = label(name), ticks.get(name)
         if tick is not None:
-            cells.append(Cell(row, "tick, median", tick["p50_us"], "µs", tick["low_us"], tick["high_us"]))
+            cells.append(
+                Cell(row, "tick, median", tick["p50_us"], "µs", tick["low_us"], tick["high_us"])
+            )
             cells.append(Cell(row, "tick, p99", tick["p99_us"], "µs"))
-        cells += in_columns(row, entry, {"slip_mm_per_step": ("slip per step", "mm"), "falls": ("falls", "")})
+        cells += in_columns(
+            row, entry, {"slip_mm_per_step": ("slip per step", "mm"), "falls": ("falls", "")}
+        )
     where = f"complete tick on recorded states (friction {document['ticks']['friction']:g})"
     title = f"Cost and quality: {where}, slip and falls of the campaign"
-    note = "In brackets: of the times, least and largest median of a repetition; else 95 % intervals."
+    note = (
+        "In brackets: of the times, least and largest median of a repetition; else 95 % intervals."
+    )
     return Table("pareto", title, tuple(cells), note)
 
 
@@ -107,8 +118,10 @@ _SECTIONS: dict[str, tuple[str, tuple[str, ...]]] = {
     "setup": ("Machine, versions, settings", ("machine", "versions", "settings")),
 }
 _CAPTIONS = {
-    "overview": "Each point is a controller with its governor. Dashed line: no other controller is better in both.",
-    "growth": "Medians. Lines join the cases of one robot (for feet held) or all cases (otherwise).",
+    "overview": "Each point is a controller with its governor. Dashed line: no other controller is "
+    "better in both.",
+    "growth": "Medians. Lines join the cases of one robot (for feet held) or all cases "
+    "(otherwise).",
 }
 """Of the figures, by the section in which one stands."""
 
@@ -119,35 +132,55 @@ def figures_of(tables: Mapping[str, Table]) -> dict[str, Figure]:
 
 
 def write_report(folder: OwnFolder, document: Mapping[str, Any]) -> None:
-    """Write ``report.html``, ``results.json`` and ``results.csv``; the CSV holds every number of the page."""
+    """Write ``report.html``, ``results.json`` and ``results.csv``; the CSV holds every number of
+    the page.
+    """
     tables = to_csv(tables_of(document))
-    folder.write({"results.json": json_text(document), "results.csv": tables, "report.html": render(document)})
+    folder.write(
+        {
+            "results.json": json_text(document),
+            "results.csv": tables,
+            "report.html": render(document),
+        }
+    )
 
 
 def render(document: Mapping[str, Any]) -> str:
     """The page."""
     from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
-    how: dict[str, Any] = {"autoescape": True, "undefined": StrictUndefined, "keep_trailing_newline": True}
+    how: dict[str, Any] = {
+        "autoescape": True,
+        "undefined": StrictUndefined,
+        "keep_trailing_newline": True,
+    }
     environment = Environment(
         loader=FileSystemLoader(Path(__file__).parent), trim_blocks=True, lstrip_blocks=True, **how
     )
     tables = {table.name: table for table in tables_of(document)}
     drawn = zip(_CAPTIONS.items(), figures_of(tables).values(), strict=True)
     figures = {
-        anchor: {"caption": caption, "source": f"data:image/png;base64,{b64encode(picture_of(figure)).decode()}"}
+        anchor: {
+            "caption": caption,
+            "source": f"data:image/png;base64,{b64encode(picture_of(figure)).decode()}",
+        }
         for (anchor, caption), figure in drawn
     }
     sections = [
         {"anchor": anchor, "title": title, "tables": found, "figure": figures.get(anchor)}
         for anchor, (title, prefixes) in _SECTIONS.items()
         if (
-            found := [table for table in tables.values() if any(f"{table.name}_".startswith(f"{p}_") for p in prefixes)]
+            found := [
+                table
+                for table in tables.values()
+                if any(f"{table.name}_".startswith(f"{p}_") for p in prefixes)
+            ]
         )
     ]
     machine = document["machine"]
     return environment.get_template("report.html.j2").render(
-        place=f"{machine['cpu']}, {machine['usable_cores']} of {machine['cores']} cores, {machine['os']}",
+        place=f"{machine['cpu']}, {machine['usable_cores']} of {machine['cores']} cores, "
+        f"{machine['os']}",
         passed=passed(document),
         answer=answer_of(document),
         contenders=COLUMNS.values(),

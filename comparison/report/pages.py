@@ -1,4 +1,5 @@
-"""Tables in pages: each stands below a comment that says where it comes from, and is never edited by hand.
+"""Tables in pages: each stands below a comment that says where it comes from, and is never edited
+by hand.
 
 The comment is TOML::
 
@@ -7,8 +8,8 @@ The comment is TOML::
     columns = {"fell" = "fell", "slip, median" = "slip, mm"}
     -->
 
-A table is named by its source and its own name. ``rows`` and ``columns`` choose, order and rename; without them all
-are shown. ``turned = true`` exchanges the two.
+A table is named by its source and its own name. ``rows`` and ``columns`` choose, order and rename;
+without them all are shown. ``turned = true`` exchanges the two.
 """
 
 from __future__ import annotations
@@ -70,7 +71,10 @@ def markdown(
         columns: the same of the columns; one without a new name keeps its unit.
         turned: whether rows become columns.
     """
-    units = {cell.column: f"{cell.column}, {cell.unit}" if cell.unit else cell.column for cell in table.cells}
+    units = {
+        cell.column: f"{cell.column}, {cell.unit}" if cell.unit else cell.column
+        for cell in table.cells
+    }
     down = _chosen(table, "row", rows, {row: row for row in table.rows})
     across = _chosen(table, "column", columns, units)
     text = [[cell_text(table.get(row, column)) for column in across] for row in down]
@@ -84,12 +88,18 @@ def markdown(
 
 
 def read_blocks(page: str) -> dict[str, dict[tuple[str, str], str]]:
-    """The figures that stand in a page: for each table the text of its cells by row and column, as they are shown."""
+    """The figures that stand in a page: for each table the text of its cells by row and column, as
+    they are shown.
+    """
     found: dict[str, dict[tuple[str, str], str]] = {}
     for match in _BLOCK.finditer(page):
-        lines = [[part.strip() for part in line.strip("|").split("|")] for line in match[3].splitlines()]
+        lines = [
+            [part.strip() for part in line.strip("|").split("|")] for line in match[3].splitlines()
+        ]
         found[_settings(match[2])["table"]] = {
-            (name, column): cell for name, *cells in lines[2:] for column, cell in zip(lines[0][1:], cells, strict=True)
+            (name, column): cell
+            for name, *cells in lines[2:]
+            for column, cell in zip(lines[0][1:], cells, strict=True)
         }
     return found
 
@@ -108,7 +118,10 @@ def _settings(comment: str) -> dict[str, Any]:
 
 
 def _chosen(
-    table: Table, what: str, names: Mapping[str, str] | list[str] | None, all_names: Mapping[str, str]
+    table: Table,
+    what: str,
+    names: Mapping[str, str] | list[str] | None,
+    all_names: Mapping[str, str],
 ) -> Mapping[str, str]:
     """The rows or columns to show, with the names that they are to have."""
     if names is None:
@@ -116,5 +129,7 @@ def _chosen(
     for name in names:
         if name not in all_names:
             known = ", ".join(f"'{known}'" for known in all_names)
-            raise InputError(f"the table '{table.name}' has no {what} '{name}'; it has {known}", name="page")
+            raise InputError(
+                f"the table '{table.name}' has no {what} '{name}'; it has {known}", name="page"
+            )
     return names if isinstance(names, Mapping) else {name: all_names[name] for name in names}

@@ -1,6 +1,8 @@
-"""What a command printed last: its tables, with the commit, the machine and the versions, in a file that Git keeps.
+"""What a command printed last: its tables, with the commit, the machine and the versions, in a file
+that Git keeps.
 
-Every figure of README and docs comes from one of these files; ``python -m comparison results`` writes them.
+Every figure of README and docs comes from one of these files; ``python -m comparison results``
+writes them.
 """
 
 from __future__ import annotations
@@ -55,7 +57,12 @@ class Record:
         try:
             data = json.loads(path.read_text(encoding="utf-8"))
             tables = {
-                name: Table(name, entry["title"], tuple(Cell(*cell) for cell in entry["cells"]), entry["note"])
+                name: Table(
+                    name,
+                    entry["title"],
+                    tuple(Cell(*cell) for cell in entry["cells"]),
+                    entry["note"],
+                )
                 for name, entry in data.pop("tables").items()
             }
             return cls(data.pop("command"), data, tables)
@@ -72,7 +79,11 @@ class Record:
             RunFileError: the file cannot be written.
         """
         tables = {
-            name: {"title": table.title, "note": table.note, "cells": [list(cell) for cell in table.cells]}
+            name: {
+                "title": table.title,
+                "note": table.note,
+                "cells": [list(cell) for cell in table.cells],
+            }
             for name, table in self.tables.items()
         }
         data = finite({"command": self.command, **self.origin, "tables": tables})
@@ -89,7 +100,9 @@ def _on_one_line(cell: re.Match[str]) -> str:
 
 
 def origin() -> dict[str, Any]:
-    """Where numbers come from: the commit, if Git knows it, a digest of the code, the machine and the versions."""
+    """Where numbers come from: the commit, if Git knows it, a digest of the code, the machine and
+    the versions.
+    """
     return {
         "commit": _commit(),
         "code": code_digest(),

@@ -1,7 +1,9 @@
-"""How the times grow with the size of the problem: faces of the friction pyramid, contacts, degrees of freedom.
+"""How the times grow with the size of the problem: faces of the friction pyramid, contacts, degrees
+of freedom.
 
-Robots other than Harpy come from example-robot-data, where it is installed; their motion is a small sway about a bent
-posture, smooth from tick to tick, with every foot that is counted held on the ground.
+Robots other than Harpy come from example-robot-data, where it is installed; their motion is a small
+sway about a bent posture, smooth from tick to tick, with every foot that is counted held on the
+ground.
 """
 
 from __future__ import annotations
@@ -25,7 +27,14 @@ from harpy_pin.model.catalogue import CATALOGUE
 from harpy_pin.model.dynamics import Dynamics
 from harpy_pin.model.robot import Robot, load_robot
 from harpy_pin.model.state import Command, State
-from harpy_pin.wbc import QPStatus, WholeBodyLimits, WholeBodyTargets, installed_solvers, make_problem, make_solver
+from harpy_pin.wbc import (
+    QPStatus,
+    WholeBodyLimits,
+    WholeBodyTargets,
+    installed_solvers,
+    make_problem,
+    make_solver,
+)
 from harpy_pin.wbc.condensed import CondensedSolver
 
 FACES = (4, 8, 16, 32)
@@ -66,7 +75,10 @@ KINDS = {
         "faces of the friction pyramid",
         "rows are built and checked once a solve: at most in proportion, exponent 1",
     ),
-    "contacts": ("feet held", "three rows and columns each: between 1 and, where factorisations dominate, 3"),
+    "contacts": (
+        "feet held",
+        "three rows and columns each: between 1 and, where factorisations dominate, 3",
+    ),
     "freedoms": (
         "degrees of freedom",
         "terms in proportion to bodies times depth; dense factorisations up to 3, less on trees",
@@ -84,7 +96,9 @@ class Case:
     held: int = 2
 
 
-def growth_cases(robot: Robot, faces: Sequence[int]) -> tuple[dict[str, dict[str, tuple[float, Case]]], dict[str, str]]:
+def growth_cases(
+    robot: Robot, faces: Sequence[int]
+) -> tuple[dict[str, dict[str, tuple[float, Case]]], dict[str, str]]:
     """By what grows the cases with their sizes, and robots that are absent with the reason."""
     robots, absent = {"Harpy": robot}, {}
     for name, feet in ROBOTS.items():
@@ -113,14 +127,15 @@ def time_growth(
     faces: Sequence[int] = FACES,
     stage: Callable[[int], Callable[[], None]] = lambda count: lambda: None,
 ) -> dict[str, Any]:
-    """Time terms, two formulations of the program, the condensed WBC and the filter, for growing problems.
+    """Time terms, two formulations of the program, the condensed WBC and the filter, for growing
+    problems.
 
     ``stage`` is told how many cases there are, and what it returns is called after each.
 
     Returns:
-        For each kind of growth the cases with their sizes and medians, µs, and for each part the exponent of growth
-        (slope of a straight line in logarithms; null with fewer than two sizes); and robots that are absent, with the
-        reason.
+        For each kind of growth the cases with their sizes and medians, µs, and for each part the
+        exponent of growth (slope of a straight line in logarithms; null with fewer than two sizes);
+        and robots that are absent, with the reason.
     """
     kinds, absent = growth_cases(robot, faces)
     step = stage(sum(map(len, kinds.values())))
@@ -130,8 +145,14 @@ def time_growth(
         for name, (size, case) in cases.items():
             rows[name] = {"size": size, **time_case(case, repetitions, np.random.default_rng(seed))}
             step()
-        growing = rows if kind != "contacts" else {k: v for k, v in rows.items() if k.startswith("Solo12")} or rows
-        exponents = {part: exponent_of([(r["size"], r[part]) for r in growing.values()]) for part in PARTS}
+        growing = (
+            rows
+            if kind != "contacts"
+            else {k: v for k, v in rows.items() if k.startswith("Solo12")} or rows
+        )
+        exponents = {
+            part: exponent_of([(r["size"], r[part]) for r in growing.values()]) for part in PARTS
+        }
         result[kind] = {"cases": rows, "exponents": exponents}
     return {**result, "absent": absent}
 
@@ -140,7 +161,9 @@ def _motion(case: Case, rng: np.random.Generator) -> list[tuple[State, WholeBody
     """A smooth sway, with the targets of each state."""
     robot, model, weight = case.robot, case.robot.model, case.robot.mass * 9.81
     posture, middle = pin.neutral(model), rng.uniform(0.2, 0.6, len(robot.joints))
-    posture[7:] = np.clip(middle, np.maximum(robot.joint_lower, -1.5), np.minimum(robot.joint_upper, 1.5))
+    posture[7:] = np.clip(
+        middle, np.maximum(robot.joint_lower, -1.5), np.minimum(robot.joint_upper, 1.5)
+    )
     amplitude, desired = 0.05 * rng.standard_normal(model.nv), rng.standard_normal(6)
     force = np.zeros((len(robot.feet), 3))
     force[: case.held, 2] = weight / case.held
@@ -153,20 +176,35 @@ def _motion(case: Case, rng: np.random.Generator) -> list[tuple[State, WholeBody
 
 
 def time_case(case: Case, repetitions: int, rng: np.random.Generator) -> dict[str, float]:
-    """Medians of every part, µs, over a sway drawn by ``rng``; programs not solved, and how often the filter acts."""
+    """Medians of every part, µs, over a sway drawn by ``rng``; programs not solved, and how often
+    the filter acts.
+    """
     robot = case.robot
     motion, dynamics = _motion(case, rng), Dynamics(robot)
     limits = WholeBodyLimits(mu=MU, faces=case.faces)
-    programs = {name: _PROGRAMS[name] for name in _PROGRAMS if _PROGRAMS[name][1] in installed_solvers()}
-    problems = {name: make_problem(formulation, robot, limits=limits) for name, (formulation, _) in programs.items()}
-    solvers = {name: make_solver(solver, problems[name].program) for name, (_, solver) in programs.items()}
+    programs = {
+        name: _PROGRAMS[name] for name in _PROGRAMS if _PROGRAMS[name][1] in installed_solvers()
+    }
+    problems = {
+        name: make_problem(formulation, robot, limits=limits)
+        for name, (formulation, _) in programs.items()
+    }
+    solvers = {
+        name: make_solver(solver, problems[name].program) for name, (_, solver) in programs.items()
+    }
     governor = ContactForceFilter(robot, ContactForceFilterParameters(mu=MU))
     law: CondensedSolver | None = None
     with suppress(InputError):  # limbs that it does not take
         law = CondensedSolver(robot, limits=limits)
     command = Command(np.zeros(len(robot.joints)), np.zeros((len(robot.thrusters), 3)))
-    parts = [part for part in PARTS if (part not in _PROGRAMS or part in solvers) and (part != "condensed" or law)]
-    laps: dict[str, Laps] = {part: np.zeros((repetitions, STATES), dtype=np.int64) for part in parts}
+    parts = [
+        part
+        for part in PARTS
+        if (part not in _PROGRAMS or part in solvers) and (part != "condensed" or law)
+    ]
+    laps: dict[str, Laps] = {
+        part: np.zeros((repetitions, STATES), dtype=np.int64) for part in parts
+    }
     rotation = np.zeros((3, 3))
     unsolved, acting, clock = 0, 0, perf_counter_ns
 
@@ -188,13 +226,19 @@ def time_case(case: Case, repetitions: int, rng: np.random.Generator) -> dict[st
                 t0 = clock()
                 law.solve(dynamics, state.v, rotation, target)
                 laps["condensed"][place] = clock() - t0
-            command.torque[:], command.thrust[:] = dynamics.bias[6:], 0.0  # loads the feet: the filter has work
+            command.torque[:], command.thrust[:] = (
+                dynamics.bias[6:],
+                0.0,
+            )  # loads the feet: the filter has work
             t0 = clock()
             governor.update(state, command)
             laps["filter"][place] = clock() - t0
             acting += bool((governor.status.h_r < 0.0).any())
     medians = dict.fromkeys(PARTS, float("nan"))
-    medians |= {part: float(summarise(list(rows[:, WARM_UP:]), overhead)["p50_us"]) for part, rows in laps.items()}
+    medians |= {
+        part: float(summarise(list(rows[:, WARM_UP:]), overhead)["p50_us"])
+        for part, rows in laps.items()
+    }
     return {**medians, "unsolved": float(unsolved), "acting": acting / (repetitions * STATES)}
 
 
@@ -219,12 +263,19 @@ def growth_tables(entry: Mapping[str, Any]) -> list[Table]:
         exponents = entry[kind]["exponents"]
         cells += [Cell("exponent of growth", text, exponents[part]) for part, text in PARTS.items()]
         note = (
-            f"Medians; a QP is built and solved. Expected: {expected}. The motion is slow and smooth: the last "
-            "active set and ProxQP's warm start are at their best here, and the governor acts wherever stated. Cases "
-            "are timed one after the other, not interleaved: where the rigid-body terms change without reason, the "
+            f"Medians; a QP is built and solved. Expected: {expected}. The motion is slow and "
+            f"smooth: the last "
+            "active set and ProxQP's warm start are at their best here, and the governor acts "
+            "wherever stated. Cases "
+            "are timed one after the other, not interleaved: where the rigid-body terms change "
+            "without reason, the "
             "machine's speed changed."
         )
         if kind != "faces" and entry["absent"]:
-            note += " Absent: " + "; ".join(f"{name} ({why})" for name, why in entry["absent"].items()) + "."
+            note += (
+                " Absent: "
+                + "; ".join(f"{name} ({why})" for name, why in entry["absent"].items())
+                + "."
+            )
         tables.append(Table(f"growth_{kind}", f"Growth with the {title}", tuple(cells), note))
     return tables

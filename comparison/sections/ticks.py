@@ -1,4 +1,6 @@
-"""Complete ticks of every controller, formulation and solver on the same states; whole walks beside the wall clock."""
+"""Complete ticks of every controller, formulation and solver on the same states; whole walks beside
+the wall clock.
+"""
 
 from __future__ import annotations
 
@@ -29,10 +31,15 @@ COLD = 200
 
 
 def make_all(robot: Robot, friction: float) -> dict[str, Any]:
-    """Every controller and governor of the campaign, the QP by DAQP, and the QP in contact forces."""
+    """Every controller and governor of the campaign, the QP by DAQP, and the QP in contact
+    forces.
+    """
     daqp = ("wbc/daqp",) if "daqp" in installed_solvers() else ()
     names = (*CONTENDERS, *daqp, FORCES, "wbc/contact_force")
-    return {name: controller_part(name).make(make_gait(robot), mu=friction, period=1e-3) for name in names}
+    return {
+        name: controller_part(name).make(make_gait(robot), mu=friction, period=1e-3)
+        for name in names
+    }
 
 
 def proxqp_replay(robot: Robot, friction: float) -> ProxQPReplay:
@@ -46,18 +53,37 @@ def time_ticks(bench: Bench, sequences: Sequence[StateSequence]) -> dict[str, An
     """Time the complete tick of every controller, as Python calls it and inside C, in turn.
 
     Returns:
-        For each contender percentiles, µs, the least and largest median of a repetition, and the ticks right after a
-        reset; and, unless a part of its tick is Python's, ``inside_c`` with the same percentiles, and how many of its
-        commands were ``differing`` from those in Python. For ``wbc`` also ``own_timer``, ProxQP's own share of its
-        ticks by its own timer, and ``fallbacks``, in how many ticks of a replay the dual method followed ProxQP.
+        For each contender percentiles, µs, the least and largest median of a repetition, and the
+        ticks right after a reset; and, unless a part of its tick is Python's, ``inside_c`` with the
+        same percentiles, and how many of its commands were ``differing`` from those in Python. For
+        ``wbc`` also ``own_timer``, ProxQP's own share of its ticks by its own timer, and
+        ``fallbacks``, in how many ticks of a replay the dual method followed ProxQP.
     """
-    timed = {name: TickReplay(controller) for name, controller in make_all(bench.robot, bench.friction).items()}
-    inside = {name: ReplayInsideC(controller) for name, controller in make_all(bench.robot, bench.friction).items()}
-    inside = {name: timer for name, timer in inside.items() if timer.controller.calls(sequences[0].states[0])}
-    differing, own_timer, fallbacks = dict.fromkeys(inside, 0), proxqp_replay(bench.robot, bench.friction), [0]
+    timed = {
+        name: TickReplay(controller)
+        for name, controller in make_all(bench.robot, bench.friction).items()
+    }
+    inside = {
+        name: ReplayInsideC(controller)
+        for name, controller in make_all(bench.robot, bench.friction).items()
+    }
+    inside = {
+        name: timer
+        for name, timer in inside.items()
+        if timer.controller.calls(sequences[0].states[0])
+    }
+    differing, own_timer, fallbacks = (
+        dict.fromkeys(inside, 0),
+        proxqp_replay(bench.robot, bench.friction),
+        [0],
+    )
 
     def start(k: int) -> dict[str, TickReplay]:
-        every = timed | {f"{name}{_INSIDE}": timer for name, timer in inside.items()} | {_OWN_TIMER: own_timer}
+        every = (
+            timed
+            | {f"{name}{_INSIDE}": timer for name, timer in inside.items()}
+            | {_OWN_TIMER: own_timer}
+        )
         for timer in every.values():
             timer.start(sequences[k].states)
         return every
@@ -76,7 +102,9 @@ def time_ticks(bench: Bench, sequences: Sequence[StateSequence]) -> dict[str, An
             f"cold_{p}_us": cold[f"{p}_us"] for p in ("p50", "p99")
         }
     for name in inside:
-        summary = summarise_repetitions([part[:, 0] for part in laps[f"{name}{_INSIDE}"]], overhead_c)
+        summary = summarise_repetitions(
+            [part[:, 0] for part in laps[f"{name}{_INSIDE}"]], overhead_c
+        )
         result[name]["inside_c"] = {**summary, "differing": differing[name]}
     own = summarise_repetitions([part[:, 0] for part in laps[_OWN_TIMER]])
     result["wbc"] |= {"own_timer": own, "fallbacks": fallbacks[0]}
@@ -88,7 +116,8 @@ _OWN_TIMER = "ProxQP's own timer"
 
 
 def time_own_walks(bench: Bench, impulse: float, duration: float) -> dict[str, Any]:
-    """Ticks of each controller on a pushed walk of its own, in the closed loop; impulse in N·s, duration in s.
+    """Ticks of each controller on a pushed walk of its own, in the closed loop; impulse in N·s,
+    duration in s.
 
     They are timed inside C; those of ``wbc`` in Python, from which ProxQP is called.
 
@@ -99,17 +128,24 @@ def time_own_walks(bench: Bench, impulse: float, duration: float) -> dict[str, A
     for _ in range(bench.settings.repetitions):
         for k in bench.rng.permutation(len(CONTENDERS)):
             name = CONTENDERS[int(k)]
-            found[name].append(recorded_walk(name, friction=bench.friction, duration=duration, impulse=impulse))
+            found[name].append(
+                recorded_walk(name, friction=bench.friction, duration=duration, impulse=impulse)
+            )
         bench.on_pass()
     first, overhead = bench.settings.warm_up, overhead_inside_c()
     return {
-        name: {**summarise_repetitions([run["tick_ns"][first:] for run in runs], overhead), "ending": runs[0].ending}
+        name: {
+            **summarise_repetitions([run["tick_ns"][first:] for run in runs], overhead),
+            "ending": runs[0].ending,
+        }
         for name, runs in found.items()
     }
 
 
 def _first_ticks(controller: Any, states: Sequence[State]) -> Laps:
-    """Times of ticks right after a reset, ns: no warm start, no active set, no applied reference."""
+    """Times of ticks right after a reset, ns: no warm start, no active set, no applied
+    reference.
+    """
     chosen = np.linspace(0, len(states) - 1, min(COLD, len(states))).astype(int)
     laps = np.zeros(len(chosen), dtype=np.int64)
     for k, i in enumerate(chosen):
@@ -134,16 +170,27 @@ def ticks_tables(ticks: Mapping[str, Any]) -> list[Table]:
         ):
             cells = percentiles(row, found) if found else []
             times += [
-                cell._replace(column=f"{where}, {cell.column}") for cell in cells if cell.column in ("p50", "p99")
+                cell._replace(column=f"{where}, {cell.column}")
+                for cell in cells
+                if cell.column in ("p50", "p99")
             ]
-        cold += in_columns(row, entry, {f"cold_{p}_us": (f"after a reset, {p}", "µs") for p in ("p50", "p99")})
+        cold += in_columns(
+            row, entry, {f"cold_{p}_us": (f"after a reset, {p}", "µs") for p in ("p50", "p99")}
+        )
     friction = ticks["friction"]
-    title = f"Complete tick of every controller, µs, friction {friction:g}, pushes of {ticks['impulse']:g} N·s"
+    title = (
+        f"Complete tick of every controller, µs, friction {friction:g}, pushes of "
+        f"{ticks['impulse']:g} N·s"
+    )
     note = (
-        "Called from Python, then inside C, on the same states for all; own walk: inside C in the closed loop, where "
-        "each controller meets its own states, up to a fall. ProxQP and DAQP come as modules of Python: C cannot call "
-        "them, so their ticks, own walks too, are timed in Python. ProxQP's own timer: what ProxQP itself says that "
-        "it takes of these ticks (setup_time and solve_time), without Python and without handing the program over. "
+        "Called from Python, then inside C, on the same states for all; own walk: inside C in the "
+        "closed loop, where "
+        "each controller meets its own states, up to a fall. ProxQP and DAQP come as modules of "
+        "Python: C cannot call "
+        "them, so their ticks, own walks too, are timed in Python. ProxQP's own timer: what ProxQP "
+        "itself says that "
+        "it takes of these ticks (setup_time and solve_time), without Python and without handing "
+        "the program over. "
         "In brackets: least and largest median of a repetition."
     )
     return [
@@ -156,7 +203,9 @@ STATES = 500
 """States of the walk that are used, from its middle."""
 
 EXACT = ("daqp", "quadprog")
-"""Active-set methods end at the optimum to rounding: the first of these that is installed is the reference."""
+"""Active-set methods end at the optimum to rounding: the first of these that is installed is the
+reference.
+"""
 
 LOOSE = "input_space, proxqp to 1e-6 without duality gap"
 """ProxQP where the gap is not checked, to a larger tolerance."""
@@ -202,17 +251,23 @@ def time_formulations(bench: Bench, sequence: StateSequence) -> dict[str, Any]:
     """Time every formulation with every solver that is installed.
 
     Returns:
-        For each configuration medians of the tick and its phases, the tail of the solve, ticks that were not solved,
-        the largest violation of a constraint, and the largest difference of a command (N, N·m) from that of the
-        ``full`` formulation solved by an active-set method (null where none is installed).
+        For each configuration medians of the tick and its phases, the tail of the solve, ticks that
+        were not solved, the largest violation of a constraint, and the largest difference of a
+        command (N, N·m) from that of the ``full`` formulation solved by an active-set method (null
+        where none is installed).
     """
     robot, settings = bench.robot, bench.settings
     begin = max((len(sequence) - STATES) // 2, 0)
     states = sequence.states[begin : begin + STATES]
     gait = make_gait(robot)
-    made = {name: WholeBodyController(gait, how) for name, how in _configurations(gait, bench.friction).items()}
+    made = {
+        name: WholeBodyController(gait, how)
+        for name, how in _configurations(gait, bench.friction).items()
+    }
     plain = WholeBodyParameters.for_gait(gait, limits={"mu": bench.friction})
-    made[LOOSE] = WholeBodyController(gait, plain, solver=partial(ProxQPSolver, tolerance=1e-6, gap=None))
+    made[LOOSE] = WholeBodyController(
+        gait, plain, solver=partial(ProxQPSolver, tolerance=1e-6, gap=None)
+    )
     timed = {name: _CheckedChain(controller) for name, controller in made.items()}
 
     def start(_: int) -> dict[str, _CheckedChain]:
@@ -220,8 +275,12 @@ def time_formulations(bench: Bench, sequence: StateSequence) -> dict[str, Any]:
             timer.start(states)
         return timed
 
-    laps, overhead = bench.repeat(start, [len(states)], block=max(settings.block // 5, 2 * settings.settle))
-    reference = next((timed[key].commands for key in (f"full, {name}" for name in EXACT) if key in timed), None)
+    laps, overhead = bench.repeat(
+        start, [len(states)], block=max(settings.block // 5, 2 * settings.settle)
+    )
+    reference = next(
+        (timed[key].commands for key in (f"full, {name}" for name in EXACT) if key in timed), None
+    )
     result: dict[str, Any] = {}
     for name, timer in timed.items():
         tick = summarise([part.sum(axis=1) for part in laps[name]], len(WBC_PHASES) * overhead)
@@ -234,7 +293,9 @@ def time_formulations(bench: Bench, sequence: StateSequence) -> dict[str, Any]:
             "solve_p99_us": solve["p99_us"],
             "unsolved": int(timer.unsolved),
             "violation_max": timer.violation,
-            "difference_max": None if reference is None else float(np.abs(timer.commands - reference).max()),
+            "difference_max": None
+            if reference is None
+            else float(np.abs(timer.commands - reference).max()),
         }
     return result
 
@@ -245,12 +306,19 @@ def formulations_table(entry: dict[str, Any], friction: float) -> Table:
     absent = [name for name in SOLVERS if not any(f", {name}" in row for row in entry)]
     note = (
         f"Medians unless stated, on {STATES} states of the pushed walk of the QP controller. "
-        "The difference is that of the commands from the full formulation solved by an active-set method. 'full' and "
-        "'input_space' are the same problem: where it is not small, the solver stopped short. 'contact_force' has no "
+        "The difference is that of the commands from the full formulation solved by an active-set "
+        "method. 'full' and "
+        "'input_space' are the same problem: where it is not small, the solver stopped short. "
+        "'contact_force' has no "
         "posture task, and holds the limits of the motors by choosing other forces."
     )
     note += f" Not installed: {', '.join(absent)}." if absent else ""
-    return Table("formulations", f"Formulations and solvers of the program, friction {friction:g}", tuple(cells), note)
+    return Table(
+        "formulations",
+        f"Formulations and solvers of the program, friction {friction:g}",
+        tuple(cells),
+        note,
+    )
 
 
 WALKS = 3
@@ -258,11 +326,13 @@ WALKS = 3
 
 
 def time_simulator(bench: Bench, *, duration: float) -> dict[str, Any]:
-    """Time whole walks on ground of the bench's friction, known to the controllers; the duration is in s.
+    """Time whole walks on ground of the bench's friction, known to the controllers; the duration is
+    in s.
 
     Returns:
-        By ``walk`` of each controller how many times faster than real time it was (median, least and largest of three;
-        and by processor time, which other processes disturb less), and how it ended.
+        By ``walk`` of each controller how many times faster than real time it was (median, least
+        and largest of three; and by processor time, which other processes disturb less), and how it
+        ended.
     """
     found: dict[str, list[tuple[float, float, str]]] = {name: [] for name in CONTENDERS}
     for name in CONTENDERS:
@@ -281,7 +351,11 @@ def time_simulator(bench: Bench, *, duration: float) -> dict[str, Any]:
     for name, rows in found.items():
         wall, processor, endings = zip(*rows, strict=True)
         times = {"real_time": float(np.median(wall)), "low": min(wall), "high": max(wall)}
-        walks[name] = {**times, "processor_time": float(np.median(processor)), "ending": endings[-1]}
+        walks[name] = {
+            **times,
+            "processor_time": float(np.median(processor)),
+            "ending": endings[-1],
+        }
     return {"walk": walks}
 
 
@@ -289,8 +363,14 @@ def simulator_table(entry: Mapping[str, Any]) -> Table:
     """The table of :func:`time_simulator`."""
     cells: list[Cell] = []
     for name, row in entry["walk"].items():
-        cells.append(Cell(label(name), "times real time", row["real_time"], "", row["low"], row["high"]))
-        cells += in_columns(label(name), row, {"processor_time": ("by processor time", ""), "ending": ("ending", "")})
+        cells.append(
+            Cell(label(name), "times real time", row["real_time"], "", row["low"], row["high"])
+        )
+        cells += in_columns(
+            label(name),
+            row,
+            {"processor_time": ("by processor time", ""), "ending": ("ending", "")},
+        )
     title = "Closed-loop walks: simulated time over wall clock, log included"
     note = "Median of three; in brackets the slowest and the fastest."
     return Table("simulator_walk", title, tuple(cells), note)

@@ -1,9 +1,11 @@
-"""How long each controller takes for the same states, and whether what was timed is what should have come out.
+"""How long each controller takes for the same states, and whether what was timed is what should
+have come out.
 
-Complete ticks, phases, isolated governor updates and isolated solves are timed in separate replays, so that clocks
-between the phases add nothing to the complete tick. All replays are interleaved. Reference results come from further
-controllers that are not timed; the program's solutions are checked against its own optimality conditions, so that no
-statement rests only on what the solver reports.
+Complete ticks, phases, isolated governor updates and isolated solves are timed in separate replays,
+so that clocks between the phases add nothing to the complete tick. All replays are interleaved.
+Reference results come from further controllers that are not timed; the program's solutions are
+checked against its own optimality conditions, so that no statement rests only on what the solver
+reports.
 """
 
 from __future__ import annotations
@@ -63,12 +65,22 @@ class RecordingGovernor:
 
     def trace(self) -> GovernorTrace:
         """What was kept, of one sequence."""
-        measured, references, results, active, infeasible = (np.array(part) for part in zip(*self.kept, strict=True))
-        return GovernorTrace(self.start, measured, references, results, float(active.mean()), float(infeasible.mean()))
+        measured, references, results, active, infeasible = (
+            np.array(part) for part in zip(*self.kept, strict=True)
+        )
+        return GovernorTrace(
+            self.start,
+            measured,
+            references,
+            results,
+            float(active.mean()),
+            float(infeasible.mean()),
+        )
 
 
 class RecordedPrograms(TickReplay):
-    """A QP controller's ticks, not timed, with its programs, their solutions, and what its solver says.
+    """A QP controller's ticks, not timed, with its programs, their solutions, and what its solver
+    says.
 
     Attributes:
         programs: records of the first of them.
@@ -86,7 +98,10 @@ class RecordedPrograms(TickReplay):
         """See :meth:`TickReplay.start`."""
         super().start(states)
         program, kept = self.controller.problem.program, min(self._most, len(states))
-        self.programs, self.solutions = np.zeros(kept, program.record.dtype), np.full((kept, program.shape[0]), np.nan)
+        self.programs, self.solutions = (
+            np.zeros(kept, program.record.dtype),
+            np.full((kept, program.shape[0]), np.nan),
+        )
         self.reports: list[tuple[int, int, bool]] = []
         self.violation, self.stationarity = 0.0, list[float]()
 
@@ -117,7 +132,8 @@ class ExpectedReplay:
     """What should come out of one sequence."""
 
     governor: GovernorTrace  # inputs and outputs of the governor
-    # the same inputs and what a governor makes of them that assumes no friction, so that rows are violated throughout
+    # the same inputs and what a governor makes of them that assumes no friction, so that rows are
+    # violated throughout
     strained: GovernorTrace
     program: RecordedPrograms  # the quadratic programs, and their solutions by our own search
     proxqp: RecordedPrograms  # what ProxQP says of them
@@ -134,12 +150,19 @@ def record_expected(
 ) -> ExpectedReplay:
     """Replay a sequence through fresh controllers, untimed.
 
-    Programs are kept from the first on; at most so many samples of solutions are checked for stationarity.
+    Programs are kept from the first on; at most so many samples of solutions are checked for
+    stationarity.
     """
     controllers = {name: make_contender(name, robot, friction) for name in TIMED}
-    controllers["governed"].governor = recorder = RecordingGovernor(controllers["governed"].governor)
-    replays = {name: TickReplay(controllers[name]) for name in ("ungoverned", "governed", "condensed")}
-    replays["own search"] = program = RecordedPrograms(controllers["own search"], keep=keep, samples=samples)
+    controllers["governed"].governor = recorder = RecordingGovernor(
+        controllers["governed"].governor
+    )
+    replays = {
+        name: TickReplay(controllers[name]) for name in ("ungoverned", "governed", "condensed")
+    }
+    replays["own search"] = program = RecordedPrograms(
+        controllers["own search"], keep=keep, samples=samples
+    )
     replays["wbc"] = proxqp = RecordedPrograms(controllers["wbc"], keep=0, samples=samples)
     commands = {name: replay(timer, sequence.states).commands for name, timer in replays.items()}
     trace = recorder.trace()
@@ -153,8 +176,8 @@ def record_expected(
 def stationarity(program: QuadraticProgram, z: Vector) -> float:
     """How far z is from optimal: least ‖H z + g + Aᵀy + Cᵀλ‖∞ over multipliers of the right sign.
 
-    The multipliers are found anew by non-negative least squares; those of the solver are not used. Multipliers of
-    inequalities are zero away from their bounds.
+    The multipliers are found anew by non-negative least squares; those of the solver are not used.
+    Multipliers of inequalities are zero away from their bounds.
     """
     p = program
     c = p.inequality @ z
@@ -172,14 +195,17 @@ COMMAND_TOLERANCE = 1e-6
 """Largest accepted difference between a timed command and the expected one, N and N·m."""
 
 PROXQP_SHARE = 0.05
-"""Largest accepted share of the commands by ProxQP that differ; those of the others must not differ at all.
+"""Largest accepted share of the commands by ProxQP that differ; those of the others must not differ
+at all.
 
-Where a program is hard (the robot falls, say), the point at which an iterative solver stops depends on rounding, and
-that on where its memory lies. Such ticks are counted and shown.
+Where a program is hard (the robot falls, say), the point at which an iterative solver stops depends
+on rounding, and that on where its memory lies. Such ticks are counted and shown.
 """
 
 OPTIMAL = 1e-6
-"""Residual of stationarity, or relative gap of the objective, up to which a solution counts as optimal."""
+"""Residual of stationarity, or relative gap of the objective, up to which a solution counts as
+optimal.
+"""
 
 PHASES = {
     "tick": "complete tick",
@@ -203,14 +229,19 @@ def time_contenders(bench: Bench, sequences: Sequence[StateSequence]) -> dict[st
     """Time all contenders on all sequences.
 
     Returns:
-        ``timing``: summaries of each contender's tick and phases, and the ratios; ``checks``: what was checked, and
-        whether it held (``passed``); ``activity``: share of ticks with violated rows, and the solver's iterations.
+        ``timing``: summaries of each contender's tick and phases, and the ratios; ``checks``: what
+            was checked, and
+        whether it held (``passed``); ``activity``: share of ticks with violated rows, and the
+        solver's iterations.
     """
     robot, friction, settings = bench.robot, bench.friction, bench.settings
     digests, expectations = [sequence.digest() for sequence in sequences], []
     for sequence in sequences:
         if len(sequence) <= settings.warm_up:
-            raise InputError(f"{len(sequence)} states are too few for a warm-up of {settings.warm_up}", name="states")
+            raise InputError(
+                f"{len(sequence)} states are too few for a warm-up of {settings.warm_up}",
+                name="states",
+            )
         kept = {"keep": settings.programs, "samples": settings.samples}
         expectations.append(record_expected(robot, friction, sequence, **kept))
         bench.on_pass()
@@ -255,13 +286,21 @@ class _TimingRun:
         governed = make_contender("governed", robot, friction)
         self.replays: dict[str, TickReplay] = {
             **{f"{name}/tick": TickReplay(make_contender(name, robot, friction)) for name in TIMED},
-            **{key: WholeBodyChain(make_contender(key.partition("/")[0], robot, friction)) for key in _CHAINS},
+            **{
+                key: WholeBodyChain(make_contender(key.partition("/")[0], robot, friction))
+                for key in _CHAINS
+            },
         }
         self.governor, self.strained = (
-            IsolatedGovernor(make_contender("governed", robot, mu).governor, governed.period) for mu in (friction, 0.0)
+            IsolatedGovernor(make_contender("governed", robot, mu).governor, governed.period)
+            for mu in (friction, 0.0)
         )
         solvers = {"solve_alone": "active_set"}
-        solvers |= {f"solve_alone_{name}": name for name in ("proxqp", "daqp") if name in installed_solvers()}
+        solvers |= {
+            f"solve_alone_{name}": name
+            for name in ("proxqp", "daqp")
+            if name in installed_solvers()
+        }
         self.solvers = {
             phase: IsolatedSolver(make_contender("wbc", robot, friction).problem.program, name)
             for phase, name in solvers.items()
@@ -285,18 +324,24 @@ class _TimingRun:
             solver.start(expected.program.programs, expected.program.solutions)
 
     def compare(self, expected: ExpectedReplay, *, judge: bool) -> None:
-        """Compare the commands of a finished sequence with the expected ones, and judge the isolated solutions."""
+        """Compare the commands of a finished sequence with the expected ones, and judge the
+        isolated solutions.
+        """
         for key, timer in self.replays.items():
             name = key.partition("/")[0]
             difference = np.abs(timer.commands - expected.commands[name]).max(axis=1)
             self.compared[name] += len(difference)
-            self.differing[name] += len(difference) - int(np.count_nonzero(difference <= COMMAND_TOLERANCE))
+            self.differing[name] += len(difference) - int(
+                np.count_nonzero(difference <= COMMAND_TOLERANCE)
+            )
             self.command_difference = max(self.command_difference, float(difference.max()))
         for phase, solver in self.solvers.items() if judge else ():
             self.gaps[phase].append(solver.gaps[np.isfinite(solver.gaps)])
             self.failures[phase] += solver.failures
 
-    def checks(self, names: Sequence[str], expectations: Sequence[ExpectedReplay], unchanged: bool) -> dict[str, Any]:
+    def checks(
+        self, names: Sequence[str], expectations: Sequence[ExpectedReplay], unchanged: bool
+    ) -> dict[str, Any]:
         """What was compared, what differed, and how good the solutions are."""
         governor_difference = max(self.governor.difference, self.strained.difference)
         checks: dict[str, Any] = {
@@ -308,7 +353,10 @@ class _TimingRun:
             "governor_difference_max": governor_difference,
         }
         for solver in expectations[0].solved:
-            programs = {name: expected.solved[solver] for name, expected in zip(names, expectations, strict=True)}
+            programs = {
+                name: expected.solved[solver]
+                for name, expected in zip(names, expectations, strict=True)
+            }
             checks |= {f"{solver}_{what}": value for what, value in _checks_of(programs).items()}
         for phase, parts in self.gaps.items():
             gaps, name = np.concatenate(parts), phase.removeprefix("solve_")
@@ -322,7 +370,11 @@ class _TimingRun:
             and not any(differing for name, differing in self.differing.items() if name != "wbc")
             and self.differing["wbc"] <= PROXQP_SHARE * self.compared["wbc"]
             and governor_difference <= COMMAND_TOLERANCE
-            and all(np.isfinite(expected.commands[name]).all() for expected in expectations for name in TIMED)
+            and all(
+                np.isfinite(expected.commands[name]).all()
+                for expected in expectations
+                for name in TIMED
+            )
         )
         return checks
 
@@ -330,7 +382,9 @@ class _TimingRun:
 def _checks_of(programs: Mapping[str, RecordedPrograms]) -> dict[str, Any]:
     """How good the solutions of one solver are, by the name of the states."""
     residuals = np.concatenate([one.stationarity for one in programs.values()])
-    failures = {name: sum(not usable for *_, usable in one.reports) for name, one in programs.items()}
+    failures = {
+        name: sum(not usable for *_, usable in one.reports) for name, one in programs.items()
+    }
     return {
         "solves": sum(len(one.reports) for one in programs.values()),
         "failures": sum(failures.values()),
@@ -350,7 +404,9 @@ def _summary(laps: Mapping[str, list[Laps]], overhead: float) -> dict[str, Any]:
         name, what = key.split("/")
         phases = _CHAINS.get(key, ("tick",))
         if key in _CHAINS:
-            timing[name] |= {p: summarise([part[:, k] for part in parts], overhead) for k, p in enumerate(phases)}
+            timing[name] |= {
+                p: summarise([part[:, k] for part in parts], overhead) for k, p in enumerate(phases)
+            }
         each = [part.reshape(len(part), -1).sum(axis=1) for part in parts]
         timing[name][what] = summarise(each, overhead * len(phases))
     timing["ratios"] = {
@@ -377,7 +433,10 @@ def timing_tables(timing: Mapping[str, Any], friction: float) -> list[Table]:
     ]
     note = f"The timer's own {timing['timer_overhead_ns']:.0f} ns are subtracted from every time."
     rows = {f"complete tick, {name}": ratio for name, ratio in timing["ratios"].items()}
-    rows |= {f"{PHASES[phase]} / governor update": ratio for phase, ratio in timing["solve_ratios"].items()}
+    rows |= {
+        f"{PHASES[phase]} / governor update": ratio
+        for phase, ratio in timing["solve_ratios"].items()
+    }
     ratios = tuple(Cell(row, "ratio", r["p50"], "", r["min"], r["max"]) for row, r in rows.items())
     of_ratios = "Ratio of medians; in brackets the least and largest of the repetitions."
     return [

@@ -2,8 +2,8 @@
 
     python -m comparison.sections.whole_body
 
-The optimum in six unknowns (:class:`harpy_pin.WholeBodySolver`) beside a tick of the whole-body QP to which the same
-tasks are added. Both solve the same states in turns, block by block.
+The optimum in six unknowns (:class:`harpy_pin.WholeBodySolver`) beside a tick of the whole-body QP
+to which the same tasks are added. Both solve the same states in turns, block by block.
 """
 
 from __future__ import annotations
@@ -31,12 +31,16 @@ def tasks_of(robot: hp.Robot, q: Vector) -> dict[AnyTask, float]:
     centre = pin.centerOfMass(robot.model, data, q)
     tasks: dict[AnyTask, float] = {
         hp.CentreOfMassTask(position=centre, gains=gains): 10.0,
-        hp.FrameTask("torso_link", part="orientation", rotation=places["torso_link"].rotation, gains=gains): 1.0,
+        hp.FrameTask(
+            "torso_link", part="orientation", rotation=places["torso_link"].rotation, gains=gains
+        ): 1.0,
         hp.JointTask(robot.joints, position=q[7:], gains=gains): 0.01,
     }
     for hand in HANDS:
         place = places[hand]
-        task = hp.FrameTask(hand, part="both", position=place.translation, rotation=place.rotation, gains=gains)
+        task = hp.FrameTask(
+            hand, part="both", position=place.translation, rotation=place.rotation, gains=gains
+        )
         tasks[task] = 10.0
     return tasks
 
@@ -73,7 +77,8 @@ def main() -> None:
                 laps[name].append(perf_counter_ns() - begin)
     for name, taken in laps.items():
         print(
-            f"{name}: {np.median(taken[STATES:]) / 1e3:.2f} µs, 99 % {np.percentile(taken[STATES:], 99) / 1e3:.2f} µs"
+            f"{name}: {np.median(taken[STATES:]) / 1e3:.2f} µs, 99 % "
+            f"{np.percentile(taken[STATES:], 99) / 1e3:.2f} µs"
         )
 
 

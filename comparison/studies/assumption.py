@@ -1,7 +1,7 @@
 """Walk with a wrong friction coefficient.
 
-Every controller assumes from half to two and a half times the friction of the ground, without and with the friction
-estimated. In the figure a vertical line is where the margin of the WBCs ends.
+Every controller assumes from half to two and a half times the friction of the ground, without and
+with the friction estimated. In the figure a vertical line is where the margin of the WBCs ends.
 """
 
 from __future__ import annotations
@@ -24,7 +24,9 @@ _COLOURS = ("#7a869a", "#c8553d", "#e09f3e", "#8e7cc3", "#4c956c", "#2c6e9b")
 
 
 def _jobs(s: Any) -> Iterator[Job]:
-    every = grid(friction=s.frictions, walker=s.walkers, estimate=(False, True), error=s.errors, **starts(s))
+    every = grid(
+        friction=s.frictions, walker=s.walkers, estimate=(False, True), error=s.errors, **starts(s)
+    )
     # The ungoverned one assumes nothing.
     return (job for job in every if job["walker"] != WALKERS[0] or not job["estimate"])
 
@@ -32,7 +34,9 @@ def _jobs(s: Any) -> Iterator[Job]:
 def _scenario(job: Job) -> Scenario:
     part = controller_part(job["walker"], (1.0 + job["error"]) * job["friction"])
     return Scenario(
-        controller=replace(part, parameters={**part.parameters, "estimate_friction": job["estimate"]}),
+        controller=replace(
+            part, parameters={**part.parameters, "estimate_friction": job["estimate"]}
+        ),
         ground=Ground(mu_s=job["friction"]),
         disturbances=Disturbances(pushes=(PUSH,), start_velocity=start_velocity(job)),
         duration=job["duration"],
@@ -40,7 +44,10 @@ def _scenario(job: Job) -> Scenario:
 
 
 def _slip(rows: Rows) -> str:
-    slip, falls = float(np.median([row["slip_mm_per_step"] for row in rows])), sum(row["fell"] for row in rows)
+    slip, falls = (
+        float(np.median([row["slip_mm_per_step"] for row in rows])),
+        sum(row["fell"] for row in rows),
+    )
     return number_text(slip) + (f" ({falls} fell)" if falls else "")
 
 
@@ -53,16 +60,30 @@ def _draw(figure: Any, rows: Rows) -> None:
             for estimate, style in ((False, "-"), (True, ":")):
                 points = grouped([row for row in mine if row["estimate"] == estimate], "error")
                 x = 100.0 * np.array([error for (error,) in points])
-                slip = np.array([np.median([row["slip_mm_per_step"] for row in same]) for same in points.values()])
-                fell = np.array([any(row["fell"] for row in same) for same in points.values()], dtype=bool)
-                name, width = None if estimate else label(walker[0]), 4.0 if walker[0] == "condensed" else 1.5
-                panel.plot(x, slip, style, color=colour, label=name, lw=width)  # the QP's line lies on the condensed
+                slip = np.array(
+                    [
+                        np.median([row["slip_mm_per_step"] for row in same])
+                        for same in points.values()
+                    ]
+                )
+                fell = np.array(
+                    [any(row["fell"] for row in same) for same in points.values()], dtype=bool
+                )
+                name, width = (
+                    None if estimate else label(walker[0]),
+                    4.0 if walker[0] == "condensed" else 1.5,
+                )
+                panel.plot(
+                    x, slip, style, color=colour, label=name, lw=width
+                )  # the QP's line lies on the condensed
                 panel.plot(x[fell], slip[fell], "x", color=colour)
         panel.plot([], [], "k:", label="friction estimated")
         panel.plot([], [], "kx", label="walks fell")
         end = 100.0 / WholeBodyLimits().friction_share - 100.0
         panel.axvline(end, color="#9aa5b1", zorder=0, label="end of the WBCs' margin")
-        panel.set(yscale="log", title=f"ground of {friction:g}", xlabel="error of the assumed friction, %")
+        panel.set(
+            yscale="log", title=f"ground of {friction:g}", xlabel="error of the assumed friction, %"
+        )
     panels[0].set_ylabel("slip, mm per step")
     figure.legend(*panels[0].get_legend_handles_labels(), loc="outside right upper", frameon=False)
 
@@ -85,10 +106,13 @@ STUDY = Study(
         View(
             "assumption_{friction:g}",
             "Slip by the error of the assumed friction, ground of {friction:g}, mm per step",
-            row=lambda row: label(row["walker"]) + (", friction estimated" if row["estimate"] else ""),
+            row=lambda row: (
+                label(row["walker"]) + (", friction estimated" if row["estimate"] else "")
+            ),
             across=lambda row: f"{row['error']:+.0%}" if row["error"] else "right",
             columns=_slip,
-            note="Medians over the starts, with a push of 3 N·s; a walk that falls counts up to its fall.",
+            note="Medians over the starts, with a push of 3 N·s; a walk that falls counts up to "
+            "its fall.",
         )
     ],
     draw=_draw,

@@ -1,10 +1,11 @@
 """Find what fells the condensed WBC in other people's models.
 
-Torques alone, in models that have one of dry friction, damping and armature in the joints, round feet, their own steps
-and pyramids as friction cones; then in the whole model, with what the controller may know or the motors may do. Random
-commands at friction 0.8 and 0.3. Then commands that last, at up to 0.8 of a robot's largest speed, with the motor law
-that learns nothing of the joints, without one property at a time. "peers --install" installs the models. This takes
-many minutes.
+Torques alone, in models that have one of dry friction, damping and armature in the joints, round
+feet, their own steps and pyramids as friction cones; then in the whole model, with what the
+controller may know or the motors may do. Random commands at friction 0.8 and 0.3. Then commands
+that last, at up to 0.8 of a robot's largest speed, with the motor law that learns nothing of the
+joints, without one property at a time. "peers --install" installs the models. This takes many
+minutes.
 """
 
 from __future__ import annotations
@@ -40,11 +41,16 @@ CASES: dict[str, tuple[tuple[str, ...] | None, dict[str, Any]]] = {
     "motor law, armature": (None, {"known": ["armature"], **_LAW}),
     "motor law, all joints": (None, {"known": list(JOINTS), **_LAW}),
 }
-"""What is kept of a model (None: all), and what the condensed WBC is given; by the name of the row."""
+"""What is kept of a model (None: all), and what the condensed WBC is given; by the name of the
+row.
+"""
 _UNLEARNED: dict[str, Any] = {**_LAW, "learning": 0.0}
 AT_SPEED: dict[str, tuple[tuple[str, ...] | None, dict[str, Any]]] = {
     "nothing learned": (None, _UNLEARNED),
-    **{f"without {gone}": (tuple(name for name in PROPERTIES if name != gone), _UNLEARNED) for gone in PROPERTIES},
+    **{
+        f"without {gone}": (tuple(name for name in PROPERTIES if name != gone), _UNLEARNED)
+        for gone in PROPERTIES
+    },
     "armature known": (None, {"known": ["armature"], **_UNLEARNED}),
     "four times as stiff": (None, {**_UNLEARNED, "law": tuple(4.0 * gain for gain in LAW)}),
     "learned": (None, _LAW),
@@ -61,11 +67,25 @@ def _jobs(s: Any) -> Iterator[Job]:
             for friction in SPEED:
                 for number in range(s.sequences):
                     walk = random_walk(s.seed, number, friction, s.duration)
-                    yield {"world": name, "feet": list(FEET), "case": case, **walk, "kept": kept, "who": who}
+                    yield {
+                        "world": name,
+                        "feet": list(FEET),
+                        "case": case,
+                        **walk,
+                        "kept": kept,
+                        "who": who,
+                    }
         fast = list(fast_walks(WalkingGait(robot).max_speed, s.lasting) if s.lasting else ())
         for case, (kept, who) in AT_SPEED.items():
             for walk in (walk for walk in fast if walk["what"] == LASTING[0]):
-                yield {"world": name, "feet": list(FEET), "case": case, **walk, "kept": kept, "who": who}
+                yield {
+                    "world": name,
+                    "feet": list(FEET),
+                    "case": case,
+                    **walk,
+                    "kept": kept,
+                    "who": who,
+                }
 
 
 def _cell(rows: Rows) -> str:
@@ -89,17 +109,29 @@ def _view(name: str, title: str, cases: list[str]) -> View:
 
 
 def _draw(figure: Any, rows: Rows) -> None:
-    """A row for each cause and remedy, a column for each world: slip, and which share of the walks falls."""
+    """A row for each cause and remedy, a column for each world: slip, and which share of the walks
+    falls.
+    """
     from matplotlib.colors import LinearSegmentedColormap
 
-    cells, worlds = grouped(rows, "case", "world"), list(dict.fromkeys(row["world"] for row in rows))
+    cells, worlds = (
+        grouped(rows, "case", "world"),
+        list(dict.fromkeys(row["world"] for row in rows)),
+    )
     figure.set_size_inches(8.4, 7.0)
     parts = list(CASES)[:CAUSES], list(CASES)[CAUSES:]
     panels = figure.subplots(2, 1, sharex=True, height_ratios=[len(part) for part in parts])
     colours = LinearSegmentedColormap.from_list("falls", ["#ffffff", SLIDING])
-    for panel, part, title in zip(panels, parts, ("only this is on", "all is on, and the WBC is given"), strict=True):
-        shares = [[np.mean([row["fell"] for row in cells[case, name]]) for name in worlds] for case in part]
-        panel.pcolormesh(np.array(shares, dtype=float), cmap=colours, vmin=0.0, vmax=1.5, edgecolor="#d9dee4")
+    for panel, part, title in zip(
+        panels, parts, ("only this is on", "all is on, and the WBC is given"), strict=True
+    ):
+        shares = [
+            [np.mean([row["fell"] for row in cells[case, name]]) for name in worlds]
+            for case in part
+        ]
+        panel.pcolormesh(
+            np.array(shares, dtype=float), cmap=colours, vmin=0.0, vmax=1.5, edgecolor="#d9dee4"
+        )
         for y, case in enumerate(part):
             for x, name in enumerate(worlds):
                 panel.text(x + 0.5, y + 0.5, _cell(cells[case, name]), ha="center", va="center")
@@ -129,9 +161,19 @@ STUDY = Study(
     jobs=_jobs,
     measure=walked,
     views=[
-        _view("causes", "Torque alone, with one property of the model at a time", list(CASES)[:CAUSES]),
-        _view("remedies", "All properties, with what the condensed WBC is given", list(CASES)[CAUSES - 1 :]),
-        _view("speed", "Motor law and commands that last, at up to 0.8 of the largest speed", list(AT_SPEED)),
+        _view(
+            "causes", "Torque alone, with one property of the model at a time", list(CASES)[:CAUSES]
+        ),
+        _view(
+            "remedies",
+            "All properties, with what the condensed WBC is given",
+            list(CASES)[CAUSES - 1 :],
+        ),
+        _view(
+            "speed",
+            "Motor law and commands that last, at up to 0.8 of the largest speed",
+            list(AT_SPEED),
+        ),
     ],
     only="worlds",
     draw=_draw,

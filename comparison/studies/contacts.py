@@ -1,9 +1,10 @@
 """Walk on contact models that are not ours.
 
-MuJoCo's own contact and what is advised against its slip, and spheres as feet, beside ours. MuJoCo's friction creeps: a
-foot inside the cone moves with a velocity that its force sets. This part of the slip is known in closed form, and the
-tables take it from the rest. Friction, and the stiffness that the weight finds, are known to controllers and gait.
-MuJoCo is left out where it is not installed. With it this takes many minutes.
+MuJoCo's own contact and what is advised against its slip, and spheres as feet, beside ours.
+MuJoCo's friction creeps: a foot inside the cone moves with a velocity that its force sets. This
+part of the slip is known in closed form, and the tables take it from the rest. Friction, and the
+stiffness that the weight finds, are known to controllers and gait. MuJoCo is left out where it is
+not installed. With it this takes many minutes.
 """
 
 from __future__ import annotations
@@ -58,7 +59,9 @@ def _measured(job: Job) -> dict[str, Any]:
     friction, walker = job["friction"], job["walker"]
     scenario = Scenario(
         gait=Straight(stiffness=_stiffness(job["contact"], friction)),
-        controller=controller_part(*(("condensed", CAREFUL * friction) if walker == GENTLE else (walker,))),
+        controller=controller_part(
+            *(("condensed", CAREFUL * friction) if walker == GENTLE else (walker,))
+        ),
         plant=CONTACTS[job["contact"]],
         ground=Ground(mu_s=friction),
         disturbances=Disturbances(start_velocity=start_velocity(job)),
@@ -71,11 +74,15 @@ def _measured(job: Job) -> dict[str, Any]:
 @cache
 def _stiffness(contact: str, friction: float) -> float:
     """Of the ground as the weight finds it, N/m."""
-    return build(Scenario(plant=CONTACTS[contact], ground=Ground(mu_s=friction))).simulator.ground.stiffness
+    return build(
+        Scenario(plant=CONTACTS[contact], ground=Ground(mu_s=friction))
+    ).simulator.ground.stiffness
 
 
 def _kept(run: Run, plant: Plant) -> dict[str, Any]:
-    """Beside ending and slip, creep in the same unit and the share of the time on the ground in which feet slide."""
+    """Beside ending and slip, creep in the same unit and the share of the time on the ground in
+    which feet slide.
+    """
     end, period = float(run.metadata["end_time"]), float(run.metadata["control_period"])
     steps = max(end / GaitParameters().step_duration, 1.0)
     touching = run["foot_force"][1:, :, 2] > HELD
@@ -93,19 +100,24 @@ def _creep_speed(run: Run, plant: Plant) -> Vector:
     force, depth = run["foot_force"][1:], -run["foot_position"][1:, :, 2]
     if not isinstance(plant, MujocoPlant) or plant.contact is None:
         return np.zeros(depth.shape)
-    velocity = creep(plant.contact, force, depth, inverse_mass=plant.inverse_mass, friction=plant.ground.mu_s)
+    velocity = creep(
+        plant.contact, force, depth, inverse_mass=plant.inverse_mass, friction=plant.ground.mu_s
+    )
     speed: Vector = np.linalg.norm(velocity, axis=-1)
     return speed
 
 
-def creep(contact: SoftContact, force: Vector, depth: Vector, *, inverse_mass: Vector, friction: float) -> Vector:
+def creep(
+    contact: SoftContact, force: Vector, depth: Vector, *, inverse_mass: Vector, friction: float
+) -> Vector:
     """Velocity of feet that creep steadily under forces inside the friction cone, m/s.
 
     The closed form is that of :mod:`harpy_pin.simulation.mujoco.soft_contact`.
 
     Args:
         contact: of MuJoCo.
-        force: (..., 3) of the ground on the feet, along x, y and the normal, N; a pyramid's edges are those axes.
+        force: (..., 3) of the ground on the feet, along x, y and the normal, N; a pyramid's edges
+            are those axes.
         depth: (...) of the feet, m.
         inverse_mass: (...) MuJoCo's own estimate for the feet's bodies, ``body_invweight0``, 1/kg.
         friction: coefficient.
@@ -150,7 +162,12 @@ STUDY = Study(
         **{"starts": 3, "duration": 4.0, "seed": 700},
         **{"contacts": tuple(CONTACTS), "walkers": WALKERS, "frictions": (0.25, 0.15)},
     },
-    quick={"contacts": ("ours", "MuJoCo default"), "frictions": (0.25,), "starts": 1, "duration": 1.5},
+    quick={
+        "contacts": ("ours", "MuJoCo default"),
+        "frictions": (0.25,),
+        "starts": 1,
+        "duration": 1.5,
+    },
     jobs=_jobs,
     measure=_measured,
     views=[
@@ -159,13 +176,21 @@ STUDY = Study(
             "Contact models, friction {friction:g}",
             row=lambda row: f"{row['contact']}: {_name(row)}",
             columns={
-                "fell": lambda rows: f"{sum(row['ending'] != 'completed' for row in rows)} of {len(rows)}",
-                **{name: (partial(_spread, f"{name}_mm"), "mm") for name in ("path", "creep", "net")},
+                "fell": lambda rows: (
+                    f"{sum(row['ending'] != 'completed' for row in rows)} of {len(rows)}"
+                ),
+                **{
+                    name: (partial(_spread, f"{name}_mm"), "mm")
+                    for name in ("path", "creep", "net")
+                },
                 "sliding": (partial(_spread, "sliding", scale=1e2), "%"),
             },
-            note="Median over the walks, with the least and the largest; a fall counts as more than any. Per step of "
-            "the walk, both feet: path; what of it is creep by the contact's own law, from the forces; net "
-            "displacement. Sliding: share of the feet's time on the ground in which they move faster than they creep "
+            note="Median over the walks, with the least and the largest; a fall counts as more "
+            "than any. Per step of "
+            "the walk, both feet: path; what of it is creep by the contact's own law, from the "
+            "forces; net "
+            "displacement. Sliding: share of the feet's time on the ground in which they move "
+            "faster than they creep "
             "by 5 mm/s. Gentle: the condensed WBC, which assumes 0.4 of the friction.",
         ),
         View(

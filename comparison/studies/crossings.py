@@ -1,9 +1,10 @@
 """Let robots cross stairs, rough ground and ramps.
 
-Harpy, Go2 and G1 under the condensed controller, in both engines: steps up and down, rough ground that the gait knows
-or does not know, ramps, and normals that are told wrong by 5 degrees. Ground that is not known is walked blind: by the
-gait of flat ground, or, on four feet, by one that feels the plane below its feet. The robot begins with its feet on the
-ground. Needs the extra "robots". This takes some minutes.
+Harpy, Go2 and G1 under the condensed controller, in both engines: steps up and down, rough ground
+that the gait knows or does not know, ramps, and normals that are told wrong by 5 degrees. Ground
+that is not known is walked blind: by the gait of flat ground, or, on four feet, by one that feels
+the plane below its feet. The robot begins with its feet on the ground. Needs the extra "robots".
+This takes some minutes.
 """
 
 from __future__ import annotations
@@ -17,7 +18,17 @@ import numpy as np
 
 from comparison.measure.walking import as_far_as_it_goes
 from comparison.study import Job, Study, View, grid, kept, median, share, where
-from harpy_pin import Disturbances, Gait, Ground, Run, Scenario, Walking, WalkingGait, build, make_gait
+from harpy_pin import (
+    Disturbances,
+    Gait,
+    Ground,
+    Run,
+    Scenario,
+    Walking,
+    WalkingGait,
+    build,
+    make_gait,
+)
 from harpy_pin.gaits import OnFeltGround, OnTerrain
 from harpy_pin.ground import Plane, Rough, Stairs, Terrain
 from harpy_pin.ground.ground import walking_stiffness
@@ -81,7 +92,9 @@ CROSSINGS: dict[str, Crossing] = {
 
 def _jobs(s: Any) -> Iterator[Job]:
     for one in grid(crossing=s.names, plant=s.plants):
-        yield from (one | {"seed": k} for k in range(min(CROSSINGS[one["crossing"]].tries, s.most_tries)))
+        yield from (
+            one | {"seed": k} for k in range(min(CROSSINGS[one["crossing"]].tries, s.most_tries))
+        )
 
 
 def _measured(job: Job) -> dict[str, Any]:
@@ -96,11 +109,22 @@ def _run(one: Crossing, plant: str, seed: int) -> Run:
     """Walk a try."""
     robot, terrain, velocity = loaded_robot(one.robot), one.ground(seed), (one.speed, 0.0, 0.0)
     harpy = one.robot == "harpy"
-    ground = Ground(mu_s=FRICTION, terrain=terrain, stiffness=Ground.stiffness if harpy else walking_stiffness(robot))
-    settings: dict[str, Any] = {"robot": one.robot, "ground": ground, "duration": one.duration, "plant": plant}
+    ground = Ground(
+        mu_s=FRICTION,
+        terrain=terrain,
+        stiffness=Ground.stiffness if harpy else walking_stiffness(robot),
+    )
+    settings: dict[str, Any] = {
+        "robot": one.robot,
+        "ground": ground,
+        "duration": one.duration,
+        "plant": plant,
+    }
     if not one.blind:
         parts: dict[str, Any] = {} if harpy else {"gait": Walking(velocity=velocity)}
-        return build(Scenario(**settings, **parts, disturbances=Disturbances(normal_error=one.wrong))).run()
+        return build(
+            Scenario(**settings, **parts, disturbances=Disturbances(normal_error=one.wrong))
+        ).run()
     gait: Gait
     if harpy:
         gait = OnTerrain(make_gait(robot), Plane(slope=0.0))
@@ -121,8 +145,16 @@ STUDY = Study(
     name="crossings",
     help=__doc__,
     example="--out crossings.jsonl",
-    defaults={"names": tuple(CROSSINGS), "plants": PLANTS, "most_tries": 20},  # of one kind of ground
-    quick={"names": ("Harpy, ±2 cm, blind", "Go2, 20° up"), "plants": ("compliant",), "most_tries": 1},
+    defaults={
+        "names": tuple(CROSSINGS),
+        "plants": PLANTS,
+        "most_tries": 20,
+    },  # of one kind of ground
+    quick={
+        "names": ("Harpy, ±2 cm, blind", "Go2, 20° up"),
+        "plants": ("compliant",),
+        "most_tries": 1,
+    },
     jobs=_jobs,
     measure=_measured,
     views=[
@@ -131,7 +163,8 @@ STUDY = Study(
             "What robots cross",
             row="{crossing}",
             columns=COLUMNS,
-            note=f"Condensed controller, friction {FRICTION:g}. Slip is the median of those that came through, "
+            note=f"Condensed controller, friction {FRICTION:g}. Slip is the median of those that "
+            f"came through, "
             "per step.",
         )
     ],

@@ -1,8 +1,8 @@
 """Walk with late and noisy measurements.
 
-The paper's joint PID, legs with feedforward, the condensed controller and the whole-body QP by own search, beside the
-delays that a linear argument allows. The gains of the legs with feedforward were chosen on walks at friction 0.5 and
-0.3; what is walked here is at other friction, and with noise.
+The paper's joint PID, legs with feedforward, the condensed controller and the whole-body QP by own
+search, beside the delays that a linear argument allows. The gains of the legs with feedforward were
+chosen on walks at friction 0.5 and 0.3; what is walked here is at other friction, and with noise.
 """
 
 from __future__ import annotations
@@ -15,7 +15,17 @@ from comparison.measure.walking import Rows, walk_as_far_as_it_goes
 from comparison.studies.margins import joint_loop, joint_mobility, pd_delay_margin
 from comparison.study import Job, Study, View, grid, kept
 from comparison.tables import Cell, Table
-from harpy_pin import Condensed, Disturbances, Governed, Ground, Noise, Scenario, WholeBody, load_harpy, make_gait
+from harpy_pin import (
+    Condensed,
+    Disturbances,
+    Governed,
+    Ground,
+    Noise,
+    Scenario,
+    WholeBody,
+    load_harpy,
+    make_gait,
+)
 from harpy_pin.controllers.parameters import GovernedParameters
 from harpy_pin.scenario import ControllerPart
 
@@ -64,7 +74,10 @@ def _of_joints(rows: Rows) -> Iterator[Table]:
     p = GovernedParameters()
     pid = (p.joints.k_p * 2, p.joints.k_d * 2)
     swing = (p.feedforward.swing_p * 2, p.feedforward.swing_d * 2)
-    stance = (p.feedforward.stance_p + p.feedforward.swing_p, p.feedforward.stance_d + p.feedforward.swing_d)
+    stance = (
+        p.feedforward.stance_p + p.feedforward.swing_p,
+        p.feedforward.stance_d + p.feedforward.swing_d,
+    )
 
     def margins(place: str, held: tuple[str, ...], **joints: Any) -> Iterator[Cell]:
         for name, (k_p, k_d) in (("PID", pid), ("feedforward", stance if held else swing)):
@@ -78,9 +91,17 @@ def _of_joints(rows: Rows) -> Iterator[Table]:
             place = f"{joint}, {phase}"
             cells.append(Cell(place, "apparent inertia", 1.0 / float(mobility[j, j]), "kg m²"))
             cells += margins(place, held, joints=(j,))
-    cells += [*margins("all joints, in the air", ()), *margins("all joints, one foot on the ground", ("left_foot",))]
-    note = "Gains held over 1 ms. The walk can bear no more delay than the smallest margin of its joints."
-    yield Table("delay_joints", "Delay margins of the joint loops at the gait's posture", tuple(cells), note)
+    cells += [
+        *margins("all joints, in the air", ()),
+        *margins("all joints, one foot on the ground", ("left_foot",)),
+    ]
+    note = (
+        "Gains held over 1 ms. The walk can bear no more delay than the smallest margin of its "
+        "joints."
+    )
+    yield Table(
+        "delay_joints", "Delay margins of the joint loops at the gait's posture", tuple(cells), note
+    )
 
 
 def _of_tasks(rows: Rows) -> Iterator[Table]:
@@ -95,10 +116,16 @@ def _of_tasks(rows: Rows) -> Iterator[Table]:
     cells = []
     for name, (k_p, k_d) in gains.items():
         margin = 1e3 * pd_delay_margin(k_p, k_d, period=p.period)
-        cells += [Cell(name, "k_p", k_p, "1/s²"), Cell(name, "k_d", k_d, "1/s"), Cell(name, "margin", margin, "ms")]
+        cells += [
+            Cell(name, "k_p", k_p, "1/s²"),
+            Cell(name, "k_d", k_d, "1/s"),
+            Cell(name, "margin", margin, "ms"),
+        ]
     note = "In closed form. A held foot is at rest whatever is commanded; "
     note += "its row is for a foot that the ground lets move."
-    yield Table("delay_tasks", "Delay margins of the tasks of condensed WBC and QP", tuple(cells), note)
+    yield Table(
+        "delay_tasks", "Delay margins of the tasks of condensed WBC and QP", tuple(cells), note
+    )
 
 
 STUDY = Study(
@@ -120,7 +147,9 @@ STUDY = Study(
             "delay_walks_{friction:g}",
             "Walks at friction {friction:g}: slip per step, mm, or when the robot fell",
             row="{walker}",
-            across=lambda row: f"{row['noise']:g} × noise" if row["noise"] else f"{row['delay_ms']} ms",
+            across=lambda row: (
+                f"{row['noise']:g} × noise" if row["noise"] else f"{row['delay_ms']} ms"
+            ),
             columns=_slip_or_fall,
         ),
     ],

@@ -1,10 +1,11 @@
 """Count what a tick costs on a microcontroller.
 
-Instructions, flash, memory and stack on a Cortex-M4F, M7 and M33 in QEMU, for Harpy, Solo12 and Bolt: the paper's
-governor, the contact-force filter, the condensed controller, and the whole-body QP by own search and, from
-nothing, by DAQP's own C. Each is exported as C and counted on the states of its own walk, and once more on those of the
-condensed controller's, which are the same for all; the pushes are the same in every walk. Needs gcc-arm-none-eabi,
-libnewlib-arm-none-eabi and qemu-system-arm; DAQP's source is fetched from its package, or it has no rows.
+Instructions, flash, memory and stack on a Cortex-M4F, M7 and M33 in QEMU, for Harpy, Solo12 and
+Bolt: the paper's governor, the contact-force filter, the condensed controller, and the whole-body
+QP by own search and, from nothing, by DAQP's own C. Each is exported as C and counted on the states
+of its own walk, and once more on those of the condensed controller's, which are the same for all;
+the pushes are the same in every walk. Needs gcc-arm-none-eabi, libnewlib-arm-none-eabi and
+qemu-system-arm; DAQP's source is fetched from its package, or it has no rows.
 """
 
 from __future__ import annotations
@@ -49,7 +50,9 @@ LABELS = {
 FRICTION = {"harpy": 0.25}
 OTHERS_FRICTION = 0.5
 WEAK = 0.2
-"""Share of the motors' torque that the condensed controller has where the dearest tick is looked for."""
+"""Share of the motors' torque that the condensed controller has where the dearest tick is looked
+for.
+"""
 SAME = "condensed"
 """Whose walk gives the states that are the same for all controllers."""
 WALK = 10.0
@@ -57,7 +60,9 @@ WALK = 10.0
 
 
 @kernel
-def _build(r: ProgramTickRecord, target: GaitTargetRecord, q: Vector, v: Vector, foot_force: Vector) -> int:
+def _build(
+    r: ProgramTickRecord, target: GaitTargetRecord, q: Vector, v: Vector, foot_force: Vector
+) -> int:
     """All of the whole-body QP's tick but its solution."""
     d = r.control.dynamics
     if task_terms(r.control, target, q, v, foot_force) != GOOD:
@@ -84,7 +89,9 @@ class Case(NamedTuple):
         """A new folder with its C for the walk of a controller, and the memory that it takes, B."""
         folder = Path(mkdtemp(dir=_place().name)) / name
         states = _walk(self.robot, walk, self.duration, self.seed)
-        written = write_folder(what, states, folder, name=name, single=self.precision == "float", readme=False)
+        written = write_folder(
+            what, states, folder, name=name, single=self.precision == "float", readme=False
+        )
         return folder, written.code.ram
 
 
@@ -93,7 +100,9 @@ _place = cache(TemporaryDirectory)
 
 
 def _jobs(s: Any) -> Iterator[Job]:
-    """Every controller on every chip; and, with ``chip`` None, the difference between the precisions."""
+    """Every controller on every chip; and, with ``chip`` None, the difference between the
+    precisions.
+    """
     missing = missing_tools()
     if missing is not None:
         raise HarpyError(f"the compiler for ARM, or QEMU, is missing: {missing}")
@@ -101,7 +110,9 @@ def _jobs(s: Any) -> Iterator[Job]:
     doubles = [chip for chip in s.chips if CHIPS[chip].double]
     for robot in s.robots:
         for kind in CONTROLLERS if robot == "harpy" else ("condensed", "wbc"):
-            solvers = (kind, "daqp") if kind == "wbc" and doubles and daqp else (kind,)  # in floats it does not end
+            solvers = (
+                (kind, "daqp") if kind == "wbc" and doubles and daqp else (kind,)
+            )  # in floats it does not end
             cases = [*grid(controller=kind, precision="float", chip=s.chips, level=s.levels)]
             cases.append({"controller": kind, "precision": "float", "chip": None})
             cases += grid(controller=solvers, precision="double", chip=doubles, level=s.levels)
@@ -110,7 +121,9 @@ def _jobs(s: Any) -> Iterator[Job]:
 
 
 def _measured(job: Job) -> dict[str, Any]:
-    """What was counted on a chip at a level of optimisation, on its own walk and on the same for all."""
+    """What was counted on a chip at a level of optimisation, on its own walk and on the same for
+    all.
+    """
     case = Case(*(job[name] for name in Case._fields))
     if job["chip"] is None:
         return _difference(case, job["states"])
@@ -135,7 +148,9 @@ def _measured(job: Job) -> dict[str, Any]:
         "ram": ram if ours else None,
         "stack": max(found.stack for found in every),
         "equal": not any(found.different for found in every) if ours else None,
-        "bound": _bound(case, job["chip"], job["level"]) if case.controller in ("condensed", "wbc") else None,
+        "bound": _bound(case, job["chip"], job["level"])
+        if case.controller in ("condensed", "wbc")
+        else None,
     }
 
 
@@ -143,16 +158,22 @@ def _measured(job: Job) -> dict[str, Any]:
 def _what(case: Case) -> Exportable:
     robot = loaded_robot(case.robot)
     single, friction = case.precision == "float", _friction(robot)
-    return exportable(ready(robot, case.kind, duration=0.1, friction=friction, single=single).controller)
+    return exportable(
+        ready(robot, case.kind, duration=0.1, friction=friction, single=single).controller
+    )
 
 
 @cache
 def _exported(case: Case) -> tuple[list[Path], int]:
-    """Folders with its C for its own walk and, if that is another one, for all's; and its memory, B."""
+    """Folders with its C for its own walk and, if that is another one, for all's; and its memory,
+    B.
+    """
     what, daqp, folders, ram = _what(case), case.controller == "daqp", [], 0
     for walk in dict.fromkeys((case.kind, SAME)):
         given = replace(what, step=_build, kind="daqp") if daqp else what
-        folder, ram = case.write(given, walk, f"{case.robot}_{case.controller}_{case.precision}_{walk}")
+        folder, ram = case.write(
+            given, walk, f"{case.robot}_{case.controller}_{case.precision}_{walk}"
+        )
         folders.append(folder)
         if daqp:
             daqp_count(folder, folder.name, what)
@@ -161,7 +182,9 @@ def _exported(case: Case) -> tuple[list[Path], int]:
 
 @cache
 def _weak(case: Case) -> tuple[list[Path], list[tuple[Record, ...]]]:
-    """Folders with its C for both walks, of motors so weak that its larger program is solved; and what it searches."""
+    """Folders with its C for both walks, of motors so weak that its larger program is solved; and
+    what it searches.
+    """
     what, condensed = _what(case), case.controller == "condensed"
     record = what.record.copy()
     if condensed:
@@ -169,26 +192,35 @@ def _weak(case: Case) -> tuple[list[Path], list[tuple[Record, ...]]]:
             record["condensed"][name][..., -len(what.robot.joints) :] *= WEAK
     weak = replace(what, record=record)
     folders = [case.write(weak, walk, "weak")[0] for walk in dict.fromkeys((case.kind, SAME))]
-    places = [record["condensed"][0][name] for name in ("free", "limited")] if condensed else [record[0]]
+    places = (
+        [record["condensed"][0][name] for name in ("free", "limited")] if condensed else [record[0]]
+    )
     parts = ("program", "exchange" if condensed else "search", "dual")
-    return folders, [tuple(np.array([place[name]], place[name].dtype) for name in parts) for place in places]
+    return folders, [
+        tuple(np.array([place[name]], place[name].dtype) for name in parts) for place in places
+    ]
 
 
 def _bound(case: Case, chip: str, level: str) -> int:
-    """An upper end of a tick: its searches' own (:mod:`comparison.measure.exchange_bound`), and the rest.
+    """An upper end of a tick: its searches' own (:mod:`comparison.measure.exchange_bound`), and the
+    rest.
 
-    The rest is at most the worst tick that was counted, of the condensed controller with motors so weak that it always
-    enters the larger program, with thrusts and torques as unknowns, too.
+    The rest is at most the worst tick that was counted, of the condensed controller with motors so
+    weak that it always enters the larger program, with thrusts and torques as unknowns, too.
     """
     folders, searches = _weak(case)
-    rest = max(int(measure(f, "weak", CHIPS[chip], flags=[level]).instructions.max()) for f in folders)
+    rest = max(
+        int(measure(f, "weak", CHIPS[chip], flags=[level]).instructions.max()) for f in folders
+    )
     systems = EXCHANGES if case.controller == "condensed" else 2 * EXCHANGES
     how: dict[str, Any] = {"single": case.precision == "float", "level": level, "systems": systems}
     return rest + sum(search_bound(records, folders[0], chip, **how) for records in searches)
 
 
 def _difference(case: Case, states: int) -> dict[str, Any]:
-    """Single beside double precision on this machine, on states of as many motions as it takes, pushed differently."""
+    """Single beside double precision on this machine, on states of as many motions as it takes,
+    pushed differently.
+    """
     what, many = _what(case), _many(case.robot, states, case.seed)
     single, double = (controller_code(what, "controller", single=s) for s in (True, False))
     ours, status = answers(what, single, many)
@@ -229,9 +261,13 @@ def _many(name: str, states: int, seed: int) -> Recording:
     parts: list[Recording] = []
     while (missing := states - sum(map(len, parts))) > 0:
         part = _record(robot, min(WALK, max(1e-3 * missing, 0.5)), rng)
-        parts.append(Recording(part.target[:missing], {n: rows[:missing] for n, rows in part.inputs.items()}))
+        parts.append(
+            Recording(part.target[:missing], {n: rows[:missing] for n, rows in part.inputs.items()})
+        )
     target = np.concatenate([part.target for part in parts])
-    return Recording(target, {n: np.concatenate([part.inputs[n] for part in parts]) for n in parts[0].inputs})
+    return Recording(
+        target, {n: np.concatenate([part.inputs[n] for part in parts]) for n in parts[0].inputs}
+    )
 
 
 def _robot(row: dict[str, Any]) -> str:
@@ -245,7 +281,10 @@ _COUNT: dict[str, Any] = {
     "same states, worst": shown("same_worst"),
     "bound": shown("bound"),
 }
-_STATES = "On the walk of each controller, and on the same states for all: those of the condensed controller's walk. "
+_STATES = (
+    "On the walk of each controller, and on the same states for all: those of the condensed "
+    "controller's walk. "
+)
 _MEMORY = {"flash": (shown("flash"), "B"), "RAM": (shown("ram"), "B")}
 STUDY = Study(
     name="embedded",
@@ -254,11 +293,18 @@ STUDY = Study(
         "robots": ("harpy", "solo12", "bolt"),
         "chips": tuple(CHIPS),
         "levels": ("-O2", "-O3"),  # of the compiler
-        "duration": 2.0,  # of the recorded motion, s, a tick each millisecond; it is pushed twice; at most 4
+        # of the recorded motion, s, a tick each millisecond; it is pushed twice; at most 4
+        "duration": 2.0,
         "states": 100_000,  # on which single precision is compared with double
         "seed": 0,  # of the pushes in those states
     },
-    quick={"robots": ("harpy",), "chips": ("m4",), "levels": ("-O2",), "duration": 0.4, "states": 1000},
+    quick={
+        "robots": ("harpy",),
+        "chips": ("m4",),
+        "levels": ("-O2",),
+        "duration": 0.4,
+        "states": 1000,
+    },
     jobs=_jobs,
     measure=_measured,
     views=[
@@ -267,17 +313,25 @@ STUDY = Study(
             "Instructions of a tick on a Cortex-M4F, float, -O2",
             row=_robot,
             columns=_COUNT | {"ms at 168 MHz": lambda rows: rows[0]["median"] / 168e3} | _MEMORY,
-            note=_STATES + "Milliseconds are of its own walk, for one instruction in each cycle, the least there is.",
-            only=lambda row: (row["chip"], row.get("level"), row.get("precision")) == ("m4", "-O2", "float"),
+            note=_STATES
+            + "Milliseconds are of its own walk, for one instruction in each cycle, the least "
+            "there is.",
+            only=lambda row: (
+                (row["chip"], row.get("level"), row.get("precision")) == ("m4", "-O2", "float")
+            ),
         ),
         View(
             "embedded_{robot}_{precision}",
             "Instructions of a tick of {robot}, {precision}, {ticks} states",
-            row=lambda row: f"{LABELS[row['controller']]}, {CHIPS[row['chip']].title} {row['level']}",
+            row=lambda row: (
+                f"{LABELS[row['controller']]}, {CHIPS[row['chip']].title} {row['level']}"
+            ),
             columns=_COUNT | _MEMORY | {"stack": (shown("stack"), "B"), "equal": shown("equal")},
             note=_STATES
-            + "Counted in QEMU; an instruction takes a cycle or more. The bound is the most that a tick can take: "
-            "exchanges allowed times the dearest exchange, and the rest of the dearest tick. Equal: every command is "
+            + "Counted in QEMU; an instruction takes a cycle or more. The bound is the most that a "
+            "tick can take: "
+            "exchanges allowed times the dearest exchange, and the rest of the dearest tick. "
+            "Equal: every command is "
             "that of this machine, in every bit.",
             only=lambda row: row["chip"] is not None,
         ),
@@ -293,7 +347,8 @@ STUDY = Study(
                 "of": (shown("largest_command"), "N"),
                 "other status": shown("other_status"),
             },
-            note="Largest difference of a torque (N m) or thrust (N) in a tick; both precisions have the same "
+            note="Largest difference of a torque (N m) or thrust (N) in a tick; both precisions "
+            "have the same "
             "settings.",
             only=lambda row: row["chip"] is None,
         ),

@@ -1,9 +1,10 @@
 """Let Harpy jump, hover and fly.
 
-Under the condensed controller and the whole-body QP by own search, in both engines, with noise: a hop, a jump of 0.4 m,
-hovering for 10 s, 2 m through the air to level ground and to slopes of 15 degrees, half a fan lost in the air, fans
-that lag, and what walks, jumps and flights cost on slopes. A try stands if the robot is upright over its feet at the
-end, or walked on where it should. The controller knows of the fan only where a row says so. This takes many minutes.
+Under the condensed controller and the whole-body QP by own search, in both engines, with noise: a
+hop, a jump of 0.4 m, hovering for 10 s, 2 m through the air to level ground and to slopes of 15
+degrees, half a fan lost in the air, fans that lag, and what walks, jumps and flights cost on
+slopes. A try stands if the robot is upright over its feet at the end, or walked on where it should.
+The controller knows of the fan only where a row says so. This takes many minutes.
 """
 
 from __future__ import annotations
@@ -31,7 +32,9 @@ CONTROLLERS: dict[str, tuple[str, dict[str, Any]]] = {
     "condensed": ("condensed", {}),
     "QP": ("wbc", {"solver": "active_set"}),
 }
-"""Names of controllers and their parameters, by the name of their rows; ``QP`` is the whole-body QP by own search."""
+"""Names of controllers and their parameters, by the name of their rows; ``QP`` is the whole-body QP
+by own search.
+"""
 PLANTS = {"compliant": "ours", "mujoco": "MuJoCo"}
 FAILING = (0, 4.0, 0.5)
 """The left fan loses half its power after 4 s."""
@@ -43,7 +46,9 @@ NO_THRUST = 1e6
 MOTORS = Motors(constant=0.6)
 """Of Harpy's joints: assumed."""
 WALKED_ON, UPRIGHT, OVER = 0.3, 0.05, 0.03
-"""How far it walks after a landing, m; how upright and how near its height it must stand, rad and m."""
+"""How far it walks after a landing, m; how upright and how near its height it must stand, rad and
+m.
+"""
 
 
 @dataclass(frozen=True)
@@ -55,9 +60,13 @@ class Manoeuvre:
     duration: float  # of a try, s
     tries: int = 3  # with different noise
     walks: bool = False  # whether it walks on
-    slope: float = 0.0  # of the ground, degrees: from 1.2 m on for flights that walk on, else everywhere
+    slope: float = (
+        0.0  # of the ground, degrees: from 1.2 m on for flights that walk on, else everywhere
+    )
     failing: bool = False  # whether the left fan loses half its power in the air
-    watched: bool = False  # whether the controller finds that out (:mod:`harpy_pin.contrib.thrusters`)
+    watched: bool = (
+        False  # whether the controller finds that out (:mod:`harpy_pin.contrib.thrusters`)
+    )
     lag: float = 0.0  # of the thrusts, s
     known: bool = False  # whether the controller knows of it
     thrust: bool = True  # whether it has thrust at all
@@ -76,7 +85,9 @@ class Manoeuvre:
         failing, largest = FAILING if self.failing else None, None if self.thrust else 0.0
         fans = hp.Actuators(thrusters=hp.Thrusters(lag=self.lag, failing=failing, largest=largest))
         return hp.Scenario(
-            gait=hp.Commanded() if self.flight is None else Flying(flights=self.flight, velocity=after),
+            gait=hp.Commanded()
+            if self.flight is None
+            else Flying(flights=self.flight, velocity=after),
             controller={"name": name, "parameters": parameters},
             plant=plant,
             ground=hp.Ground(mu_s=FRICTION, terrain=terrain),
@@ -122,7 +133,10 @@ FLIGHTS: dict[str, Manoeuvre] = {
 def _jobs(s: Any) -> Iterator[Job]:
     plants = [plant for plant in s.plants if plant != "mujoco" or installed_version() is not None]
     for one in grid(flight=s.names, controller=s.controllers, plant=plants):
-        yield from (one | {"seed": FIRST_SEED + k} for k in range(min(FLIGHTS[one["flight"]].tries, s.most_tries)))
+        yield from (
+            one | {"seed": FIRST_SEED + k}
+            for k in range(min(FLIGHTS[one["flight"]].tries, s.most_tries))
+        )
 
 
 def _measured(job: Job) -> dict[str, Any]:
@@ -140,11 +154,18 @@ def _measured(job: Job) -> dict[str, Any]:
     if run.ending != "completed":
         return {"stands": False, "fell_s": float(run["t"][-1])}
     way = float(run["q"][-1, 0] - run["q"][0, 0])
-    return {"stands": True, "distance_m": way, "peak": _peak(run, slice(None)), **_cost(run, slice(None))}
+    return {
+        "stands": True,
+        "distance_m": way,
+        "peak": _peak(run, slice(None)),
+        **_cost(run, slice(None)),
+    }
 
 
 def flight_measures(run: hp.Run, flight: Jump | Fly, walks: bool) -> dict[str, Any]:
-    """Where a flight landed, how hard, and what it cost; ``walks`` says whether it should walk on."""
+    """Where a flight landed, how hard, and what it cost; ``walks`` says whether it should walk
+    on.
+    """
     phase = run["flight_phase"].ravel()
     air, land = (np.flatnonzero(phase == PHASES.index(name)) for name in ("air", "land"))
     if len(land) == 0:
@@ -159,7 +180,9 @@ def flight_measures(run: hp.Run, flight: Jump | Fly, walks: bool) -> dict[str, A
         "height_m": float(q[air, 2].max() - q[air[0], 2]),
         "distance_m": float(np.hypot(*(after - before)[:2])),
         "place_mm": float(1e3 * np.hypot(*((after - before)[:2] - (flight.forward, flight.left)))),
-        "hover_mm": float(1e3 * np.linalg.norm(q[still, :3] - plan[still], axis=1).max()) if len(still) else None,
+        "hover_mm": float(1e3 * np.linalg.norm(q[still, :3] - plan[still], axis=1).max())
+        if len(still)
+        else None,
         "push_off": _peak(run, slice(bend, int(air[0]))),
         "peak": _peak(run, land),
         "slip_mm": float(1e3 * (slip[land[-1]] - slip[land[0]]).sum()),
@@ -214,7 +237,12 @@ def _cost_or_falls(rows: Rows) -> str:
     return ", ".join(filter(None, parts))
 
 
-_UPHILL = ("walk", "jump 0.4 m", "fly 2 m, walk on", *(name for name in FLIGHTS if name.endswith("° up")))
+_UPHILL = (
+    "walk",
+    "jump 0.4 m",
+    "fly 2 m, walk on",
+    *(name for name in FLIGHTS if name.endswith("° up")),
+)
 """What is done uphill, and the same on level ground."""
 _COLUMNS: dict[str, Shown] = {
     "stands": share("stands"),
@@ -230,9 +258,12 @@ _COLUMNS: dict[str, Shown] = {
     "J/(N·m)": _of_all("cost", np.median, 2),
 }
 _NOTE = (
-    f"Friction {FRICTION:g}, noisy measurements. Of all tries: least height of the jump or flight and "
-    "least distance of the feet, greatest error of the landing and of the hovering body, greatest force of "
-    "both feet in pushing off, and in landing or walking, greatest slip in landing; medians of the energy. "
+    f"Friction {FRICTION:g}, noisy measurements. Of all tries: least height of the jump or flight "
+    f"and "
+    "least distance of the feet, greatest error of the landing and of the hovering body, greatest "
+    "force of "
+    "both feet in pushing off, and in landing or walking, greatest slip in landing; medians of the "
+    "energy. "
     "Fans of 18 N from 1 kW, motors of 0.6 N·m/√W, both assumed."
 )
 
@@ -244,7 +275,11 @@ STUDY = Study(
         "most_tries": 20,  # of one manoeuvre
     },
     quick={
-        **{"names": ("walk", "hop", "jump 0.4 m"), "controllers": ("condensed",), "plants": ("compliant",)},
+        **{
+            "names": ("walk", "hop", "jump 0.4 m"),
+            "controllers": ("condensed",),
+            "plants": ("compliant",),
+        },
         "most_tries": 1,
     },
     jobs=_jobs,
@@ -257,7 +292,13 @@ STUDY = Study(
             columns=_COLUMNS,
             note=_NOTE,
         ),
-        View("flights_all", "Flights of Harpy, all controllers and engines", "{flight}", _COLUMNS, note=_NOTE),
+        View(
+            "flights_all",
+            "Flights of Harpy, all controllers and engines",
+            "{flight}",
+            _COLUMNS,
+            note=_NOTE,
+        ),
         View(
             "flights_uphill",
             "Energy, J/(N·m), level and uphill, and tries that fall",

@@ -1,7 +1,7 @@
 """Walk every controller on soft and stiff ground.
 
-Stiffness is 4 to 80 kN/m, in this library's plant, or MuJoCo's. Friction is 0.25 and 0.15. The tables show how far the
-feet slip, or when the robot fell. This takes some minutes.
+Stiffness is 4 to 80 kN/m, in this library's plant, or MuJoCo's. Friction is 0.25 and 0.15. The
+tables show how far the feet slip, or when the robot fell. This takes some minutes.
 """
 
 from __future__ import annotations
@@ -19,14 +19,18 @@ from harpy_pin.gaits import GaitParameters
 from harpy_pin.simulation.mujoco import PRESETS, installed_version
 
 STIFFNESSES = (4e3, 8e3, 16e3, 40e3, 80e3)
-"""N/m; the damping ratio is that of the default ground, 8 kN/m, whose MuJoCo presets are walked on, too."""
+"""N/m; the damping ratio is that of the default ground, 8 kN/m, whose MuJoCo presets are walked on,
+too.
+"""
 STEPS = ("governed/paper", "condensed")
 """Walkers that also walk with half the physics step, on the highest friction."""
 DT = Scenario().dt
 
 
 def _grounds() -> dict[str, dict[str, Any]]:
-    """Changes of the scenario for each ground; those of :class:`Ground` but the friction under ``stiffness``."""
+    """Changes of the scenario for each ground; those of :class:`Ground` but the friction under
+    ``stiffness``.
+    """
     own: dict[str, dict[str, Any]] = {f"{k / 1e3:g} kN/m": {"stiffness": k} for k in STIFFNESSES}
     if installed_version() is None:
         return own
@@ -35,7 +39,9 @@ def _grounds() -> dict[str, dict[str, Any]]:
 
 def _jobs(s: Any) -> Iterator[Job]:
     cases = [*grid(friction=s.frictions, walker=s.walkers, dt_s=DT)]
-    cases += grid(friction=s.frictions[:1], walker=[who for who in STEPS if who in s.walkers], dt_s=0.5 * DT)
+    cases += grid(
+        friction=s.frictions[:1], walker=[who for who in STEPS if who in s.walkers], dt_s=0.5 * DT
+    )
     for one in grid(ground=_grounds(), case=cases):
         yield {"ground": one["ground"], **one["case"], "duration": s.duration}
 
@@ -52,16 +58,27 @@ def _measured(job: Job) -> dict[str, Any]:
 
 
 def ending_and_slip(run: Run) -> dict[str, Any]:
-    """How a walk ended and when, and path and net displacement of both feet per step of the gait."""
+    """How a walk ended and when, and path and net displacement of both feet per step of the
+    gait.
+    """
     end = float(run.metadata["end_time"])
     steps = max(end / GaitParameters().step_duration, 1.0)
     slips = {name: 1e3 * float(run[f"slip_{name}"][-1].sum()) / steps for name in ("path", "net")}
-    return {"ending": run.ending, "end_time_s": end, "path_mm": slips["path"], "net_mm": slips["net"]}
+    return {
+        "ending": run.ending,
+        "end_time_s": end,
+        "path_mm": slips["path"],
+        "net_mm": slips["net"],
+    }
 
 
 def _slip(name: str, rows: Rows) -> Any:
     (row,) = rows
-    return row[name] if row["ending"] == "completed" else f"{row['ending']} at {row['end_time_s']:.2f} s"
+    return (
+        row[name]
+        if row["ending"] == "completed"
+        else f"{row['ending']} at {row['end_time_s']:.2f} s"
+    )
 
 
 STUDY = Study(
@@ -97,9 +114,12 @@ STUDY = Study(
                 "path": (where(shown("path_mm"), dt_s=DT), "mm"),
                 "half the step": (where(shown("path_mm"), dt_s=0.5 * DT), "mm"),
             },
-            note="Per step of the walk, both feet together, mm. Friction and stiffness are known to controllers and "
-            "gait. Where the path is much longer than the net displacement the feet go to and fro; where it is "
-            "shorter they hop. Do not rank what differs by less than the effect of the physics step.",
+            note="Per step of the walk, both feet together, mm. Friction and stiffness are known "
+            "to controllers and "
+            "gait. Where the path is much longer than the net displacement the feet go to and fro; "
+            "where it is "
+            "shorter they hop. Do not rank what differs by less than the effect of the physics "
+            "step.",
             only=lambda row: row["walker"] in STEPS,
         ),
     ],

@@ -1,9 +1,10 @@
 """Walk over ice with and without estimated friction.
 
-The condensed controller, the whole-body QP by own search, the paper's governor and the contact-force filter, none of
-which knows of the strip, in both engines, with exact measurements and with noise and delay. The estimate's settings
-were chosen on strips of 0.2 and 0.1 on ground of 0.6, at 0.2 and 0.4 m/s, with seeds 100 and 101. What is walked here
-is at other friction, at another speed, on strips at other places and with other seeds.
+The condensed controller, the whole-body QP by own search, the paper's governor and the
+contact-force filter, none of which knows of the strip, in both engines, with exact measurements and
+with noise and delay. The estimate's settings were chosen on strips of 0.2 and 0.1 on ground of 0.6,
+at 0.2 and 0.4 m/s, with seeds 100 and 101. What is walked here is at other friction, at another
+speed, on strips at other places and with other seeds.
 """
 
 from __future__ import annotations
@@ -37,7 +38,14 @@ SENSORS = {"exact": Disturbances(), "noise, 2 ms": Disturbances(noise=Noise.typi
 
 def _jobs(s: Any) -> Iterator[Job]:
     seeds = range(s.seed, s.seed + s.walks)
-    for job in grid(ice=s.ice, plant=s.plants, sensors=SENSORS, walker=WALKERS, seed=seeds, estimate=(False, True)):
+    for job in grid(
+        ice=s.ice,
+        plant=s.plants,
+        sensors=SENSORS,
+        walker=WALKERS,
+        seed=seeds,
+        estimate=(False, True),
+    ):
         begin = s.place + 0.3 * STEP * float(np.random.default_rng([job["seed"], 77]).random())
         strip = [begin, begin + s.length, job["ice"]]
         yield {**job, "friction": s.friction, "strip": strip, "duration": s.duration}
@@ -46,7 +54,10 @@ def _jobs(s: Any) -> Iterator[Job]:
 def _measured(job: Job) -> dict[str, Any]:
     part = WALKERS[job["walker"]]
     scenario = Scenario(
-        controller={**part, "parameters": {**part.get("parameters", {}), "estimate_friction": job["estimate"]}},
+        controller={
+            **part,
+            "parameters": {**part.get("parameters", {}), "estimate_friction": job["estimate"]},
+        },
         plant=job["plant"],
         ground=Ground(mu_s=job["friction"], friction_strips=(tuple(job["strip"]),)),
         disturbances=replace(SENSORS[job["sensors"]], seed=job["seed"]),
@@ -56,7 +67,9 @@ def _measured(job: Job) -> dict[str, Any]:
 
 
 def slips(run: Run, begin: float, end: float) -> dict[str, Any]:
-    """Path of both feet along the ground in every step, mm: steps with a loaded foot on the strip, and later ones."""
+    """Path of both feet along the ground in every step, mm: steps with a loaded foot on the strip,
+    and later ones.
+    """
     x, load = run["foot_position"][..., 0], run["foot_force"][..., 2]
     on_ice = np.any((x >= begin) & (x < end) & (load > LOADED), axis=1)
     path = 1e3 * run["slip_path"].sum(axis=1)
@@ -71,7 +84,9 @@ def slips(run: Run, begin: float, end: float) -> dict[str, Any]:
 
 
 def _place(row: dict[str, Any]) -> str:
-    return f"{label(row['walker'])}, {row['sensors']}, estimate {'on' if row['estimate'] else 'off'}"
+    return (
+        f"{label(row['walker'])}, {row['sensors']}, estimate {'on' if row['estimate'] else 'off'}"
+    )
 
 
 def _of_all(name: str, put: Callable[[list[float]], float], rows: Rows) -> float | None:
@@ -108,7 +123,8 @@ STUDY = Study(
                 "worst after": (partial(_of_all, "after_mm", max), "mm"),
                 "lowest estimate": shown("lowest_estimate", min),
             },
-            note="Slip per step: path of both feet along the ground, over all steps of all walks, up to a fall.",
+            note="Slip per step: path of both feet along the ground, over all steps of all walks, "
+            "up to a fall.",
         )
     ],
 )

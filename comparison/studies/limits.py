@@ -1,10 +1,11 @@
 """Walk with damped joints, weak motors and joint friction.
 
-The ungoverned and the paper's controller, the contact-force filter, the condensed controller with and without tasks
-that give way, and the whole-body QP by own search. They know the joint damping and the motors' peak torques, but
-neither how slow the motors are nor the friction in the joints, which is in no model. All have the same torque limits,
-and the plant clips what is beyond. What gives way was chosen on walks from exact starts; the walks here begin with
-other velocities. This takes many minutes.
+The ungoverned and the paper's controller, the contact-force filter, the condensed controller with
+and without tasks that give way, and the whole-body QP by own search. They know the joint damping
+and the motors' peak torques, but neither how slow the motors are nor the friction in the joints,
+which is in no model. All have the same torque limits, and the plant clips what is beyond. What
+gives way was chosen on walks from exact starts; the walks here begin with other velocities. This
+takes many minutes.
 """
 
 from __future__ import annotations
@@ -18,7 +19,20 @@ from comparison.campaign.plan import JOINT_DAMPING
 from comparison.campaign.walks import damped_harpy
 from comparison.contenders import LIMITED, OWN_PART
 from comparison.measure.walking import Rows
-from comparison.study import STARTS, Job, Study, Value, View, fell, grid, most, start_velocity, starts, walking, where
+from comparison.study import (
+    STARTS,
+    Job,
+    Study,
+    Value,
+    View,
+    fell,
+    grid,
+    most,
+    start_velocity,
+    starts,
+    walking,
+    where,
+)
 from comparison.tables import number_text
 from harpy_pin import Actuators, Disturbances, Ground, Scenario
 
@@ -30,20 +44,27 @@ WALKERS: dict[str, Mapping[str, Any]] = {
     "est.": {"name": "condensed", "parameters": {"estimate_joint_friction": True}},
     "law": {"name": "condensed", "parameters": {"joint_stiffness": 1.0, "joint_damping": 0.3}},
 }
-"""Controllers by the name of their column: ``rigid`` is the condensed WBC in which nothing gives way, ``QP`` the
-whole-body QP by own search, ``est.`` the condensed WBC with joint friction estimated, ``law`` the one whose motors hold
-its joint targets."""
+"""Controllers by the name of their column: ``rigid`` is the condensed WBC in which nothing gives
+way, ``QP`` the whole-body QP by own search, ``est.`` the condensed WBC with joint friction
+estimated, ``law`` the one whose motors hold its joint targets.
+"""
 GAITS: dict[str, dict[str, Any]] = {
     "straight": {"name": "hand"},
     "commanded": {"name": "commanded", "velocity": (0.2, 0.0, 0.2)},
 }
-KNOWN = {"damping": "damping {:g} N·m·s/rad", "torque": "torque limits × {:g}", "bandwidth": "motors of {:g} Hz"}
+KNOWN = {
+    "damping": "damping {:g} N·m·s/rad",
+    "torque": "torque limits × {:g}",
+    "bandwidth": "motors of {:g} Hz",
+}
 UNKNOWN = {"viscous": "unknown viscous {:g} N·m·s/rad", "coulomb": "unknown Coulomb {:g} N·m"}
 ACTUATORS = {"bandwidth": "bandwidth", "viscous": "viscous_friction", "coulomb": "coulomb_friction"}
 
 
 def _jobs(s: Any) -> Iterator[Job]:
-    cases = [{"kind": kind, "value": value} for kind in (*KNOWN, *UNKNOWN) for value in getattr(s, kind)]
+    cases = [
+        {"kind": kind, "value": value} for kind in (*KNOWN, *UNKNOWN) for value in getattr(s, kind)
+    ]
     for one in grid(**starts(s), gait=s.gaits, friction=s.frictions, case=cases, walker=WALKERS):
         case, governed = one.pop("case"), WALKERS[one["walker"]]["name"] == "governed"
         if one["gait"] == "straight" or not governed:  # which cannot turn
@@ -56,7 +77,10 @@ def scenario(job: Job) -> Scenario:
     share = value if kind == "torque" else 1.0
     if share < 1.0 and controller["name"] != "governed":
         parameters = controller.get("parameters", {})
-        controller["parameters"] = {**parameters, "limits": {**parameters.get("limits", {}), "torque_scale": share}}
+        controller["parameters"] = {
+            **parameters,
+            "limits": {**parameters.get("limits", {}), "torque_scale": share},
+        }
     unknown = {ACTUATORS[kind]: value} if kind in ACTUATORS else {}
     return Scenario(
         gait=GAITS[job["gait"]],
@@ -93,7 +117,13 @@ STUDY = Study(
     example="--out limits.jsonl",
     defaults=STARTS
     | {
-        "damping": (0.1, 1.0, 10.0, 30.0, 50.0),  # factors on the joint damping, known to the controllers
+        "damping": (
+            0.1,
+            1.0,
+            10.0,
+            30.0,
+            50.0,
+        ),  # factors on the joint damping, known to the controllers
         "torque": (0.7, 0.5, 0.3),  # shares of the peak torque, known to the controllers
         "bandwidth": (200.0, 50.0, 20.0),  # of the motors, Hz
         "viscous": (0.5, 1.0, 3.0, 5.0),  # friction in the joints, N·m·s/rad
@@ -103,7 +133,13 @@ STUDY = Study(
         "seed": 500,
     },
     quick={
-        **{"damping": (50.0,), "torque": (0.3,), "bandwidth": (50.0,), "viscous": (1.0,), "coulomb": (0.3,)},
+        **{
+            "damping": (50.0,),
+            "torque": (0.3,),
+            "bandwidth": (50.0,),
+            "viscous": (1.0,),
+            "coulomb": (0.3,),
+        },
         **{"frictions": (0.25,), "gaits": ("straight",), "duration": 1.5},
     },
     jobs=_jobs,
@@ -119,7 +155,8 @@ STUDY = Study(
                 "joint friction: fell": _of(UNKNOWN, fell),
                 "joint friction: worst slip": (_of(UNKNOWN, _WORST), "mm"),
             },
-            note="Limits: damping, torque limits and slow motors. Joint friction: viscous and Coulomb, in no model.",
+            note="Limits: damping, torque limits and slow motors. Joint friction: viscous and "
+            "Coulomb, in no model.",
         ),
         View(
             name="limits_{gait}_{friction:g}",
@@ -127,8 +164,10 @@ STUDY = Study(
             row=_place,
             across="{walker}",
             columns=slip_or_falls,
-            note="Median slip over the starts; where walks fell, how many. rigid: the condensed WBC in which nothing "
-            "gives way; est.: joint friction estimated; law: with joint targets for the motors; QP: by own search. "
+            note="Median slip over the starts; where walks fell, how many. rigid: the condensed "
+            "WBC in which nothing "
+            "gives way; est.: joint friction estimated; law: with joint targets for the motors; "
+            "QP: by own search. "
             "All have the same torque limits.",
         ),
     ],

@@ -1,17 +1,19 @@
 """How much delay, and how slow a thrust, a feedback loop survives: linear arguments.
 
-A loop ẋ = A x + B u is closed by u = −K x. The state is measured ``delay`` ago, and the command is held over a control
-period T (zero-order hold). Between ticks the plant is integrated by the matrix exponential, so the state at the next
-tick is a linear function of the present state and of the commands that are still under way. The loop is stable while
-the eigenvalues of that map lie inside the unit circle, and the largest delay for which they do is its *delay margin*.
+A loop ẋ = A x + B u is closed by u = −K x. The state is measured ``delay`` ago, and the command is
+held over a control period T (zero-order hold). Between ticks the plant is integrated by the matrix
+exponential, so the state at the next tick is a linear function of the present state and of the
+commands that are still under way. The loop is stable while the eigenvalues of that map lie inside
+the unit circle, and the largest delay for which they do is its *delay margin*.
 
-For joints under a PD control law the loop follows from the model: torques τ accelerate the joints by P τ, where
+For joints under a PD control law the loop follows from the model: torques τ accelerate the joints
+by P τ, where
 
     P = [M⁻¹ − M⁻¹ Jᵀ (J M⁻¹ Jᵀ)⁻¹ J M⁻¹] restricted to the joints,
 
-J the Jacobian of the feet that are held. The base is free in it. 1/Pⱼⱼ is the *apparent* inertia of motor j. The
-argument is about fast motion at one posture: it leaves out gravity, Coriolis terms, the slow motion of the body on its
-foot, the ground's compliance, and the integral part of a PID.
+J the Jacobian of the feet that are held. The base is free in it. 1/Pⱼⱼ is the *apparent* inertia of
+motor j. The argument is about fast motion at one posture: it leaves out gravity, Coriolis terms,
+the slow motion of the body on its foot, the ground's compliance, and the integral part of a PID.
 """
 
 from __future__ import annotations
@@ -45,7 +47,8 @@ class DelayedLoop:
         """The map from one tick to the next, of measurements of this age when they are used, s.
 
         Returns:
-            (n + h m, n + h m) for the state x and the last h commands, the latest first; h = ⌊delay / T⌋ + 1.
+            (n + h m, n + h m) for the state x and the last h commands, the latest first; h = ⌊delay
+            / T⌋ + 1.
         """
         n, m = self.b.shape
         ticks = int(delay / self.period + 1e-9)
@@ -102,7 +105,8 @@ class DelayedLoop:
 
 
 def joint_mobility(robot: Robot, q: Vector, *, held: Sequence[str] = ()) -> Vector:
-    """P, (joints, joints), rad/s² per N·m: accelerations of the joints per joint torque, with the base free.
+    """P, (joints, joints), rad/s² per N·m: accelerations of the joints per joint torque, with the
+    base free.
 
     Args:
         robot: any robot with a free base.
@@ -138,7 +142,8 @@ def joint_loop(
         k_p: (joints,) stiffness, N·m/rad.
         k_d: (joints,) damping, N·m·s/rad.
         held: names of the feet that the ground holds.
-        joints: which are controlled, in the order of the torques, all by default; the others move freely.
+        joints: which are controlled, in the order of the torques, all by default; the others move
+            freely.
         period: between ticks, s.
     """
     count = len(robot.joints)
@@ -155,12 +160,13 @@ def joint_loop(
 
 
 def pd_delay_margin(k_p: float, k_d: float, *, period: float = 0.0) -> float:
-    """Delay margin of a commanded acceleration −k_p e − k_d ė, s: a double integrator at every posture.
+    """Delay margin of a commanded acceleration −k_p e − k_d ė, s: a double integrator at every
+    posture.
 
-    The open loop (k_d s + k_p)/s² has its crossover at ω_c with ω_c² = ½ (k_d² + √(k_d⁴ + 4 k_p²)) and the phase margin
-    φ = atan(k_d ω_c / k_p). It survives a delay of φ/ω_c, of which the hold takes half a period. With k_p = 0, a
-    velocity that is damped, this is π / (2 k_d) − T/2. Exact without a hold, and with one to second order in ω_c T;
-    never below zero.
+    The open loop (k_d s + k_p)/s² has its crossover at ω_c with ω_c² = ½ (k_d² + √(k_d⁴ + 4 k_p²))
+    and the phase margin φ = atan(k_d ω_c / k_p). It survives a delay of φ/ω_c, of which the hold
+    takes half a period. With k_p = 0, a velocity that is damped, this is π / (2 k_d) − T/2. Exact
+    without a hold, and with one to second order in ω_c T; never below zero.
 
     Args:
         k_p: 1/s².
@@ -172,12 +178,14 @@ def pd_delay_margin(k_p: float, k_d: float, *, period: float = 0.0) -> float:
 
 
 def pd_lag_margin(k_p: float, k_d: float, *, period: float = 0.0) -> float:
-    """Largest lag T of thrusts up to which −k_p e − k_d ė is stable where only thrusts can give it, s.
+    """Largest lag T of thrusts up to which −k_p e − k_d ė is stable where only thrusts can give it,
+    s.
 
-    Tasks of whole-body controllers and the paper's thruster feedback command so. Thrusts follow by a first-order lag T,
-    and the closed loop is s² (T s + 1) + (k_d s + k_p) e^(−s h/2) = 0, with half a period h for the hold. To first
-    order in h this is a cubic, and the criterion of Routh and Hurwitz says up to which T it is stable: k_d/k_p where
-    nothing is held; never below zero. Where legs and contact forces give what thrusts do not give yet, walks bear more.
+    Tasks of whole-body controllers and the paper's thruster feedback command so. Thrusts follow by
+    a first-order lag T, and the closed loop is s² (T s + 1) + (k_d s + k_p) e^(−s h/2) = 0, with
+    half a period h for the hold. To first order in h this is a cubic, and the criterion of Routh
+    and Hurwitz says up to which T it is stable: k_d/k_p where nothing is held; never below zero.
+    Where legs and contact forces give what thrusts do not give yet, walks bear more.
 
     Args:
         k_p: 1/s².

@@ -21,7 +21,16 @@ from comparison.measure.timing import Bench, Laps, TimingSettings, summarise_rep
 from comparison.measure.walking import Rows, walk_as_far_as_it_goes
 from comparison.studies.grounds import ending_and_slip
 from comparison.study import STARTS, Job, Study, View, grid, shown, start_velocity, starts
-from harpy_pin import Command, Disturbances, Dynamics, Ground, Mujoco, Pinocchio, Scenario, Simulator
+from harpy_pin import (
+    Command,
+    Disturbances,
+    Dynamics,
+    Ground,
+    Mujoco,
+    Pinocchio,
+    Scenario,
+    Simulator,
+)
 from harpy_pin.gaits import Standing
 from harpy_pin.model.catalogue import installed_data
 from harpy_pin.model.robot import Robot, load_harpy, load_robot
@@ -97,7 +106,9 @@ def _step_times(job: Job) -> dict[str, Any]:
     settings = TimingSettings(repetitions=job["repetitions"], warm_up=2, block=10, settle=1)
     rng = np.random.default_rng(job["seed"])
     bench = Bench(robot=robot, friction=0.8, settings=settings, rng=rng)
-    laps, overhead = bench.repeat(lambda _: _candidates(robot, job["laps"]), [job["laps"]], block=settings.block)
+    laps, overhead = bench.repeat(
+        lambda _: _candidates(robot, job["laps"]), [job["laps"]], block=settings.block
+    )
     return {name: _median(times, overhead) for name, times in laps.items()}
 
 
@@ -114,7 +125,12 @@ def _candidates(robot: Robot, length: int) -> dict[str, _Lap]:
     q, v = Standing(robot).initial_state(penetration=DEPTH)
     terms.update(q, v)
     inertia = np.diag(terms.mass_matrix)[6:]
-    hold: dict[str, Any] = {"q": q[7:].copy(), "v": v[6:].copy(), "k_p": STIFF * inertia, "k_d": DAMPED * inertia}
+    hold: dict[str, Any] = {
+        "q": q[7:].copy(),
+        "v": v[6:].copy(),
+        "k_p": STIFF * inertia,
+        "k_d": DAMPED * inertia,
+    }
     command = Command(np.zeros(len(robot.joints)), np.zeros((len(robot.thrusters), 3)), **hold)
     ground = Ground(mu_s=0.8, stiffness=robot.mass * GRAVITY / (DEPTH * len(robot.feet)))
     tau, speed = np.zeros(model.nv), 0.1 * np.ones(model.nv)
@@ -176,7 +192,8 @@ STUDY = Study(
                 row=lambda row: short_name(row["walker"]),
                 across="{plant}",
                 columns=partial(_slip, f"{name}_mm"),
-                note="Both feet; or how many of the walks fell. Beside each of the first two plants the same "
+                note="Both feet; or how many of the walks fell. Beside each of the first two "
+                "plants the same "
                 "one with a physics step of 0.1 ms, and with a stiction tolerance of 0.25 mm/s.",
                 only=lambda row: "walker" in row,
             )
@@ -193,8 +210,10 @@ STUDY = Study(
                 "mj_step": _time("mj_step"),
                 "pinocchio step": _time("pinocchio"),
             },
-            note="Medians. pin.aba and the own recursions (mass matrix, bias, Jacobians and drift of the feet) are "
-            "called from Python once each; a compliant step and mj_step are a twentieth of twenty in one call; a "
+            note="Medians. pin.aba and the own recursions (mass matrix, bias, Jacobians and drift "
+            "of the feet) are "
+            "called from Python once each; a compliant step and mj_step are a twentieth of twenty "
+            "in one call; a "
             "pinocchio step is Python, with an evaluation of pin.aba for every stage.",
             only=lambda row: "robot" in row,
         ),

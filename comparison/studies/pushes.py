@@ -1,8 +1,8 @@
 """Push robots from eight sides.
 
-At four instants of a step, in place and at half of the largest speed, by 0.4 and 0.6 m/s times the mass. The gait on
-two feet was tuned on as many pushes of the same sizes from directions and at instants half-way between these. Needs the
-extra "robots".
+At four instants of a step, in place and at half of the largest speed, by 0.4 and 0.6 m/s times the
+mass. The gait on two feet was tuned on as many pushes of the same sizes from directions and at
+instants half-way between these. Needs the extra "robots".
 """
 
 from __future__ import annotations
@@ -42,7 +42,9 @@ def measured(job: Job) -> dict[str, Any]:
     scenario = hp.Scenario(
         robot=job["robot"],
         plant=job["plant"],
-        gait=hp.Walking(schedule=schedule, velocity=((0.3, SPEEDS[job["speed"]] * gait.max_speed, 0.0, 0.0),)),
+        gait=hp.Walking(
+            schedule=schedule, velocity=((0.3, SPEEDS[job["speed"]] * gait.max_speed, 0.0, 0.0),)
+        ),
         controller=hp.Condensed(),
         ground=ground_of(robot, FRICTION),
         disturbances=hp.Disturbances(pushes=(push,)),
@@ -52,14 +54,18 @@ def measured(job: Job) -> dict[str, Any]:
 
 
 def _draw(figure: Any, rows: Rows) -> None:
-    """A disc for each robot and plant: the side of a push is the angle, its instant and the speed are the ring."""
+    """A disc for each robot and plant: the side of a push is the angle, its instant and the speed
+    are the ring.
+    """
     from matplotlib.patches import Patch
 
     discs, sizes = grouped(rows, "plant", "robot"), sorted({row["size"] for row in rows})
     plants, robots = ([*dict.fromkeys(names)] for names in zip(*discs, strict=True))
     lines, columns = -(-len(robots) // MOST), min(len(robots), MOST)
     figure.set_size_inches(1.75 * columns, 1.95 * lines * len(plants) + 0.5)
-    panels = figure.subplots(lines * len(plants), columns, squeeze=False, subplot_kw={"projection": "polar"})
+    panels = figure.subplots(
+        lines * len(plants), columns, squeeze=False, subplot_kw={"projection": "polar"}
+    )
     for panel in panels.flat:
         panel.set_axis_off()
     for (plant, robot), mine in discs.items():
@@ -69,21 +75,46 @@ def _draw(figure: Any, rows: Rows) -> None:
         for (speed, side, instant), same in grouped(mine, "speed", "side", "instant").items():
             sides, instants = (1 + max(row[name] for row in mine) for name in ("side", "instant"))
             stood = sum(row["stands"] for row in same) * len(_STOOD) // (len(sizes) + 1)
-            ring, angle = [*SPEEDS].index(speed) * (instants + 0.5) + instant + 1.0, 2.0 * np.pi * (side + 0.5) / sides
-            panel.bar(angle, 1.0, 2.0 * np.pi / sides, ring, color=_STOOD[stood], edgecolor="white", linewidth=0.6)
+            ring, angle = (
+                [*SPEEDS].index(speed) * (instants + 0.5) + instant + 1.0,
+                2.0 * np.pi * (side + 0.5) / sides,
+            )
+            panel.bar(
+                angle,
+                1.0,
+                2.0 * np.pi / sides,
+                ring,
+                color=_STOOD[stood],
+                edgecolor="white",
+                linewidth=0.6,
+            )
         panel.set_title(f"{robot}, {plant}", pad=0.0)
     words = ("falls", *(f"stands {size:g}" for size in sizes))
-    patches = [Patch(color=_STOOD[n * len(_STOOD) // len(words)], label=word) for n, word in enumerate(words)]
+    patches = [
+        Patch(color=_STOOD[n * len(_STOOD) // len(words)], label=word)
+        for n, word in enumerate(words)
+    ]
     figure.legend(handles=patches, loc="outside lower center", ncols=len(words), frameon=False)
 
 
 STUDY = Study(
     name="pushes",
     help=__doc__,
-    defaults={"robots": (*QUADRUPEDS, *BIPEDS), "plants": PLANTS, "sizes": SIZES, "sides": SIDES, "instants": INSTANTS},
+    defaults={
+        "robots": (*QUADRUPEDS, *BIPEDS),
+        "plants": PLANTS,
+        "sizes": SIZES,
+        "sides": SIDES,
+        "instants": INSTANTS,
+    },
     quick={"robots": ("bolt",), "sizes": SIZES[:1], "sides": 1, "instants": 1},
     jobs=lambda s: grid(
-        robot=s.robots, plant=s.plants, speed=SPEEDS, size=s.sizes, side=range(s.sides), instant=range(s.instants)
+        robot=s.robots,
+        plant=s.plants,
+        speed=SPEEDS,
+        size=s.sizes,
+        side=range(s.sides),
+        instant=range(s.instants),
     ),
     measure=measured,
     views=[
@@ -92,7 +123,9 @@ STUDY = Study(
             "Pushed, {plant}: pushes after which it stands",
             row="{robot}",
             columns={
-                f"{speed}, {size}": where(share("stands"), speed=speed, size=size) for size in SIZES for speed in SPEEDS
+                f"{speed}, {size}": where(share("stands"), speed=speed, size=size)
+                for size in SIZES
+                for speed in SPEEDS
             },
             note="Impulse over mass, m/s.",
         )

@@ -1,6 +1,7 @@
 """Measure how much this machine does in a second.
 
-Walks, environment steps and whole-body optima, the condensed controller's tick inside C, and a viewer's share of one.
+Walks, environment steps and whole-body optima, the condensed controller's tick inside C, and a
+viewer's share of one.
 """
 
 from __future__ import annotations
@@ -72,7 +73,9 @@ def _ticks_on_terrain(rounds: int, seconds: float) -> dict[str, list[float]]:
 
 
 def _shares_of_a_viewer(settings: Job) -> list[float]:
-    """µs of the loop's own thread that a viewer takes of a tick, a percentile of each round's ticks."""
+    """µs of the loop's own thread that a viewer takes of a tick, a percentile of each round's
+    ticks.
+    """
     walk = build(Scenario(controller="condensed", ground=Ground(mu_s=0.25)))
     plant, controller, found = walk.simulator, walk.controller, []
     with Viewer(walk.gait.robot, ground=plant.ground) as viewer:
@@ -90,7 +93,9 @@ def _shares_of_a_viewer(settings: Job) -> list[float]:
 
 def _environments(settings: Job) -> list[float]:
     """Steps of many environments under small random actions."""
-    from harpy_pin.contrib.gym import batched_env  # Gymnasium is an extra that only this figure needs
+    from harpy_pin.contrib.gym import (
+        batched_env,
+    )  # Gymnasium is an extra that only this figure needs
 
     size, rounds = settings["size"], settings["rounds"] + 1
     worlds, random, idle = (
@@ -127,19 +132,33 @@ def _optima(robot: Robot, dtype: Any, settings: Job) -> list[float]:
 
 
 def _jobs(s: Any) -> Iterator[Job]:
-    kinds = [*grid(kind=("walk", "tick")), *grid(kind="terrain", on=GROUNDS), {"kind": "environments"}]
+    kinds = [
+        *grid(kind=("walk", "tick")),
+        *grid(kind="terrain", on=GROUNDS),
+        {"kind": "environments"},
+    ]
     kinds += grid(kind="viewer", percentile=(50, 99))
     kinds += grid(kind="optima", on=s.robots, dtype=("float64", "float32"))
-    return (kind | {"seconds": s.seconds, "size": s.size, "rounds": s.rounds, "seed": s.seed} for kind in kinds)
+    return (
+        kind | {"seconds": s.seconds, "size": s.size, "rounds": s.rounds, "seed": s.seed}
+        for kind in kinds
+    )
 
 
 def _measured(job: Job) -> dict[str, Any]:
     """A figure: its name, unit, median and best."""
     kind, unit = job["kind"], "µs"
     if kind == "walk":
-        what, unit, values = "walk under the condensed controller, log included", "× real time", _real_time(job)
+        what, unit, values = (
+            "walk under the condensed controller, log included",
+            "× real time",
+            _real_time(job),
+        )
     elif kind == "tick":
-        what, values = "condensed controller's tick inside C, gait included", _ticks(_walk(job["seconds"]))
+        what, values = (
+            "condensed controller's tick inside C, gait included",
+            _ticks(_walk(job["seconds"])),
+        )
     elif kind == "terrain":
         what = f"the same at friction 0.6, {job['on']}"
         values = _ticks_on_terrain(job["rounds"], min(job["seconds"], SHORTER))[job["on"]]

@@ -1,9 +1,10 @@
 """Stand the robots that are known by name, and push them.
 
-They also shift their weight; a biped on point feet steps in place. Under the whole-body QP by own search and the
-condensed controller, on compliant ground. Gains and weights are the library's; ranges of force and the weight on forces
-follow from the mass, and so do the ground's stiffness and the pushes. One setting was chosen here: the damping of held
-soles, on G1 at rest on this ground, without a push. Needs the extra "robots".
+They also shift their weight; a biped on point feet steps in place. Under the whole-body QP by own
+search and the condensed controller, on compliant ground. Gains and weights are the library's;
+ranges of force and the weight on forces follow from the mass, and so do the ground's stiffness and
+the pushes. One setting was chosen here: the damping of held soles, on G1 at rest on this ground,
+without a push. Needs the extra "robots".
 """
 
 from __future__ import annotations
@@ -25,7 +26,9 @@ GRAVITY = 9.81
 SINK = 1e-3
 """How deep the feet sink in when the robot stands, m: it makes the ground's stiffness."""
 LEAN = 0.3
-"""Share of the way from above the middle to above the first foot, by which the weight is shifted."""
+"""Share of the way from above the middle to above the first foot, by which the weight is
+shifted.
+"""
 LEAN_AT, PUSH_AT = 0.3, 0.5
 """Times of shift and push, s."""
 CONTROLLERS: dict[str, Any] = {"QP, own search": OWN_PART, "condensed": "condensed"}
@@ -36,13 +39,20 @@ LOADED = 0.05
 
 
 def _measured(job: Job) -> dict[str, Any]:
-    """What a robot is, and what happened under the controller; with a reason where something did not."""
+    """What a robot is, and what happened under the controller; with a reason where something did
+    not.
+    """
     try:
         robot = hp.load_robot(job["robot"])
     except hp.HarpyError as error:
         return {"loads": False, "reason": str(error).splitlines()[0]}
     feet = f"{len(robot.corners)} {'flat_feet' if robot.flat_feet else 'points'}"
-    row: dict[str, Any] = {"loads": True, "mass_kg": robot.mass, "dof": int(robot.model.nv), "feet": feet}
+    row: dict[str, Any] = {
+        "loads": True,
+        "mass_kg": robot.mass,
+        "dof": int(robot.model.nv),
+        "feet": feet,
+    }
     row["terms_error"] = terms_error(robot, np.random.default_rng(job["seed"]))
     try:
         return row | _stand(robot, CONTROLLERS[job["controller"]], job)
@@ -51,7 +61,9 @@ def _measured(job: Job) -> dict[str, Any]:
 
 
 def terms_error(robot: hp.Robot, rng: np.random.Generator, *, states: int = 10) -> float:
-    """Largest difference of mass matrix and bias from Pinocchio's, relative to their largest entries."""
+    """Largest difference of mass matrix and bias from Pinocchio's, relative to their largest
+    entries.
+    """
     model, dynamics = robot.model, hp.Dynamics(robot)
     data, worst = model.createData(), 0.0
     for _ in range(states):
@@ -74,15 +86,20 @@ def run_standing(
     lean: float = 0.0,
     push: Sequence[float] = (0.0, 0.0, 0.0),
 ) -> tuple[hp.Run, Vector]:
-    """Stand, or step in place on two points, on compliant ground, with the weight shifted or with a push.
+    """Stand, or step in place on two points, on compliant ground, with the weight shifted or with a
+    push.
 
-    ``lean`` is the share of the way over the first foot; a robot that steps does not shift its weight besides. ``push``
-    is the impulse over mass, m/s, ``controller`` that of a scenario.
+    ``lean`` is the share of the way over the first foot; a robot that steps does not shift its
+    weight besides. ``push`` is the impulse over mass, m/s, ``controller`` that of a scenario.
 
     Returns:
         The run, and the ticks' times, µs of this thread.
     """
-    gait = hp.Standing(robot) if robot.corners != (1, 1) else hp.WalkingGait(robot, "step", (0.0, 0.0, 0.0))
+    gait = (
+        hp.Standing(robot)
+        if robot.corners != (1, 1)
+        else hp.WalkingGait(robot, "step", (0.0, 0.0, 0.0))
+    )
     x, y, z = (robot.mass * part for part in push)
     scenario = hp.Scenario(
         controller=controller,
@@ -101,11 +118,17 @@ def _stand(robot: hp.Robot, controller: Any, job: Job) -> dict[str, Any]:
     """What one controller does with a robot."""
     common: dict[str, Any] = {"friction": job["friction"], "duration": job["duration"]}
     shifted, all_ticks = run_standing(robot, controller, lean=LEAN, **common)
-    result: dict[str, Any] = {"stands": stood(shifted), "slip_mm": _slip(shifted), **dict.fromkeys(SIDES, 0.0)}
+    result: dict[str, Any] = {
+        "stands": stood(shifted),
+        "slip_mm": _slip(shifted),
+        **dict.fromkeys(SIDES, 0.0),
+    }
     result["friction_used"] = friction_used(shifted, robot)
     for side, direction in SIDES.items():
         for speed in job["pushes"]:
-            run, ticks = run_standing(robot, controller, push=[speed * part for part in direction], **common)
+            run, ticks = run_standing(
+                robot, controller, push=[speed * part for part in direction], **common
+            )
             if not stood(run):
                 break
             if speed == job["pushes"][0]:
@@ -144,7 +167,9 @@ def _whether(entry: str) -> Value:
 _OF_EACH: dict[str, Any] = {}
 for _name in CONTROLLERS:
     _OF_EACH[f"stands, {_name}"] = where(_whether("stands"), controller=_name, loads=True)
-    _OF_EACH |= {f"{side}, {_name}": (where(shown(side), controller=_name), "m/s") for side in SIDES}
+    _OF_EACH |= {
+        f"{side}, {_name}": (where(shown(side), controller=_name), "m/s") for side in SIDES
+    }
 STUDY = Study(
     name="robots",
     help=__doc__,
@@ -153,7 +178,12 @@ STUDY = Study(
         "robots": tuple(CATALOGUE),
         "friction": 0.5,  # of the ground, which the controllers know
         "duration": 3.0,  # of a run, s
-        "pushes": (0.1, 0.2, 0.3, 0.4),  # of 0.1 s, impulse over mass, m/s: each if the one before was stood
+        "pushes": (
+            0.1,
+            0.2,
+            0.3,
+            0.4,
+        ),  # of 0.1 s, impulse over mass, m/s: each if the one before was stood
         "seed": 0,  # of the states at which the terms are compared with Pinocchio's
     },
     quick={"robots": ("solo12", "g1"), "duration": 1.5, "pushes": (0.1,)},
@@ -179,9 +209,12 @@ STUDY = Study(
                 "terms' error": shown("terms_error"),
                 **_OF_EACH,
             },
-            note="Standing on all feet with the weight shifted by 30 % of the way over the first foot; on two points, "
-            "stepping in place. Sideways and forward: the largest push on the base that was stood, impulse over mass; "
-            "0 where the weakest was not. Terms' error: mass matrix and bias beside Pinocchio's, relative.",
+            note="Standing on all feet with the weight shifted by 30 % of the way over the first "
+            "foot; on two points, "
+            "stepping in place. Sideways and forward: the largest push on the base that was stood, "
+            "impulse over mass; "
+            "0 where the weakest was not. Terms' error: mass matrix and bias beside Pinocchio's, "
+            "relative.",
         ),
         View(
             "robots_ticks",
@@ -194,8 +227,10 @@ STUDY = Study(
                 "tick": (shown("tick_us"), "µs"),
                 "worst": (shown("worst_us"), "µs"),
             },
-            note="Slip: mean way of the contact points along the ground in the run, with the weight shifted and with "
-            "the weakest push. Friction used: largest horizontal over normal force of a foot while the weight is "
+            note="Slip: mean way of the contact points along the ground in the run, with the "
+            "weight shifted and with "
+            "the weakest push. Friction used: largest horizontal over normal force of a foot while "
+            "the weight is "
             "shifted. Ticks in time of the thread, over the same three runs.",
             only=lambda row: row.get("stands") is not None,
         ),

@@ -1,8 +1,9 @@
 """Walk on what robots feel.
 
-That is an inertial unit, encoders and motor torques. Thirteen robots and Harpy in both engines, and quadrupeds in other
-people's models of them, walk random commands, pushes and courses, and Harpy jumps. The table has falls, on two feet
-also those on the true state, and how far off the estimate is. Needs the extras "robots" and "mujoco".
+That is an inertial unit, encoders and motor torques. Thirteen robots and Harpy in both engines, and
+quadrupeds in other people's models of them, walk random commands, pushes and courses, and Harpy
+jumps. The table has falls, on two feet also those on the true state, and how far off the estimate
+is. Needs the extras "robots" and "mujoco".
 """
 
 from __future__ import annotations
@@ -59,11 +60,15 @@ def walked(job: Job) -> dict[str, Any]:
         return others.walked({**job, "who": vars(who)})
     drawn = _scenario(job)
     disturbances = replace(drawn.disturbances, seed=job["number"])
-    run = walk_as_far_as_it_goes(replace(drawn, state=job["state"], sensors=hp.Imu(), disturbances=disturbances))
+    run = walk_as_far_as_it_goes(
+        replace(drawn, state=job["state"], sensors=hp.Imu(), disturbances=disturbances)
+    )
     found: dict[str, Any] = {"fell": run.ending != "completed"}
     found |= off(run["q"], run["v"], run["estimated_q"], run["estimated_v"], period=drawn.period)
     if job["state"] == "estimated":
-        plain = off(run["q"], run["v"], *complementary(run, loaded_robot(job["robot"])), period=drawn.period)
+        plain = off(
+            run["q"], run["v"], *complementary(run, loaded_robot(job["robot"])), period=drawn.period
+        )
         found |= {f"plain_{name}": plain[name] for name in ("drift", "velocity_cm_s", "tilt_deg")}
     return found | contacts(run["foot_force"][:, :, 2], run["contact_probability"])
 
@@ -78,10 +83,16 @@ def _jobs(s: Any) -> Iterator[Job]:
         kinds |= {"jump": 1} if robot == HARPY else {"course, friction 0.3": 1, "friction 0.1": 1}
         for what, count in kinds.items():
             duration = s.course if what.startswith("course") else s.duration
-            yield from (walk(what, duration, s.seed, number=number) | {"state": state} for number in range(count))
+            yield from (
+                walk(what, duration, s.seed, number=number) | {"state": state}
+                for number in range(count)
+            )
     worlds = s.worlds if (default_folder() / "worlds").exists() else ()
     for name, friction, number in product(worlds, (0.8, 0.3), range(s.walks)):
-        job = random_walk(s.seed, number, friction, s.duration) | {"world": name, "feet": list(FEET)}
+        job = random_walk(s.seed, number, friction, s.duration) | {
+            "world": name,
+            "feet": list(FEET),
+        }
         yield job | {"noise": number, "state": "estimated", "robot": name, "plant": "world"}
 
 
@@ -121,12 +132,17 @@ STUDY = Study(
                 "velocity": (where(median("velocity_cm_s"), **_SEEN), "cm/s"),
                 "tilt": (where(median("tilt_deg"), **_SEEN), "°"),
                 "complementary filter, drift": (where(median("plain_drift"), **_SEEN), "%"),
-                "complementary filter, velocity": (where(median("plain_velocity_cm_s"), **_SEEN), "cm/s"),
+                "complementary filter, velocity": (
+                    where(median("plain_velocity_cm_s"), **_SEEN),
+                    "cm/s",
+                ),
                 "complementary filter, tilt": (where(median("plain_tilt_deg"), **_SEEN), "°"),
                 **{name: where(median(name), **_SEEN) for name in ("precision", "recall")},
             },
-            note="Drift is the error of the displacement over the length of the way; path, way within a second, "
-            "velocity and tilt are rms errors of the body; precision and recall those of the contacts. Medians of the "
+            note="Drift is the error of the displacement over the length of the way; path, way "
+            "within a second, "
+            "velocity and tilt are rms errors of the body; precision and recall those of the "
+            "contacts. Medians of the "
             "walks that stand. The complementary filter has the same readings and contacts.",
         ),
     ),

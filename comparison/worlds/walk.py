@@ -1,4 +1,6 @@
-"""One walk in a world: what a controller knows and commands at every step of MuJoCo, and what is measured of it."""
+"""One walk in a world: what a controller knows and commands at every step of MuJoCo, and what is
+measured of it.
+"""
 
 from __future__ import annotations
 
@@ -14,7 +16,16 @@ from comparison.joint_pd.controller import JointPD, JointPDGains, found_gains
 from comparison.peers.environment import default_folder
 from comparison.worlds.models import JOINTS, knowing, strip, world
 from comparison.worlds.policy import PERIOD, Policy
-from harpy_pin import Command, MujocoBridge, Noise, Robot, Standing, State, WalkingGait, make_controller
+from harpy_pin import (
+    Command,
+    MujocoBridge,
+    Noise,
+    Robot,
+    Standing,
+    State,
+    WalkingGait,
+    make_controller,
+)
 from harpy_pin.errors import ControlError
 from harpy_pin.estimation import Estimator, Imu
 from harpy_pin.log.drift import off
@@ -26,38 +37,56 @@ from harpy_pin.simulation.sensors import Sensors
 
 GRAVITY = 9.81
 PD_GAINS = "go1"
-"""Whose gains joint PD has: of the default ones, Go1's and Go2's those that slip least on seeds 0 to 3."""
+"""Whose gains joint PD has: of the default ones, Go1's and Go2's those that slip least on seeds 0
+to 3.
+"""
 SOLE_GAINS = JointPDGains(swing_p=4.0)
-"""And on soles: of ten sets those that fell in none of three walks of Unitree's G1, of seed 2000, and slipped least."""
+"""And on soles: of ten sets those that fell in none of three walks of Unitree's G1, of seed 2000,
+and slipped least.
+"""
 PUSH = 0.1
 """Duration, s."""
 DELAY = 3e-3
 """Of the sensors, with noise, rounded up to whole steps, s."""
 LAW = (1.0, 0.3)
-"""Stiffness and damping of the motors, in the units of :class:`harpy_pin.controllers.WholeBodyParameters`."""
+"""Stiffness and damping of the motors, in the units of
+:class:`harpy_pin.controllers.WholeBodyParameters`.
+"""
 LAW_CONTACT_DAMPING = 20.0
 """Of a stance foot's velocity where motors hold the legs, too, 1/s."""
 LOWEST, UPRIGHT = 0.55, 0.5
 """Share of the first height, and cosine of the tilt, below which the robot fell."""
 EDGE = 0.02
-"""Time after its touchdown and before it leaves the ground in which a foot lands and lifts, s; a shorter break of a
-contact is a bounce."""
+"""Time after its touchdown and before it leaves the ground in which a foot lands and lifts, s; a
+shorter break of a contact is a bounce.
+"""
 SHIFT, SHIFT_PERIOD = 0.5, 2.0
-"""A robot that stands shifts its weight so far of the way above two of its feet, and back in so many seconds."""
+"""A robot that stands shifts its weight so far of the way above two of its feet, and back in so
+many seconds.
+"""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Contender:
     """What walks."""
 
-    controller: str = "condensed"  # condensed, wbc, joint_pd, policy; or stand, the condensed WBC that stands
+    controller: str = (
+        "condensed"  # condensed, wbc, joint_pd, policy; or stand, the condensed WBC that stands
+    )
     known: tuple[str, ...] = ()  # what it knows of the joints
-    law: tuple[float, float] = (0.0, 0.0)  # stiffness and damping of the motors about the WBCs' joint targets
-    learning: float = 1.0  # rate at which the WBCs learn what joints lack whose targets motors hold, 1/s
+    law: tuple[float, float] = (
+        0.0,
+        0.0,
+    )  # stiffness and damping of the motors about the WBCs' joint targets
+    learning: float = (
+        1.0  # rate at which the WBCs learn what joints lack whose targets motors hold, 1/s
+    )
     contact_damping: float | None = None  # of the WBCs, 1/s; None for the gait's
     round: bool = True  # whether it is told that feet are spheres: the ground is one radius lower
     estimate: bool = False  # whether it estimates the friction in the joints
-    sensed: bool = False  # whether it knows only what an inertial unit, encoders and motor torques say
+    sensed: bool = (
+        False  # whether it knows only what an inertial unit, encoders and motor torques say
+    )
 
 
 _LAW: dict[str, Any] = {"law": LAW, "contact_damping": LAW_CONTACT_DAMPING}
@@ -74,17 +103,22 @@ WALKERS = {
     POLICY: Contender(controller="policy"),
     STANDS: Contender(controller="stand", known=JOINTS, **_LAW),
 }
-"""By name; those without another one are the condensed WBC, and ``QP`` is the whole-body QP by own search, which stands
-in for it where legs share joints."""
+"""By name; those without another one are the condensed WBC, and ``QP`` is the whole-body QP by own
+search, which stands in for it where legs share joints.
+"""
 
 
 def shares_joints(robot: Robot) -> bool:
-    """Whether joints such as a waist are between the base and several feet, which the condensed WBC refuses."""
+    """Whether joints such as a waist are between the base and several feet, which the condensed WBC
+    refuses.
+    """
     return max(feet_moved(robot.model, robot.feet)[2:]) > 1
 
 
 class MotorPD:
-    """Joint PD whose stiffness and damping are in the motors, which evaluate them at every step without a delay."""
+    """Joint PD whose stiffness and damping are in the motors, which evaluate them at every step
+    without a delay.
+    """
 
     def __init__(self, gait: WalkingGait, *, mu: float, period: float) -> None:
         self._gait, of_points = gait, found_gains()[PD_GAINS]["gains"]
@@ -100,7 +134,9 @@ class MotorPD:
     def step(self, state: State) -> Command:
         """Torques that are fed forward, and the motors' targets."""
         torque, inner = self._inner.step(state).torque, self._inner._record
-        stance = np.append(self._gait.target.stance[:: int(inner["corners"][0])], 1.0)[inner["leg"][0]]
+        stance = np.append(self._gait.target.stance[:: int(inner["corners"][0])], 1.0)[
+            inner["leg"][0]
+        ]
         k_p, k_d = np.where(stance > 0.0, self._gains[:, 1], self._gains[:, 0])
         return Command(torque, q=inner["planned"][0][7:], v=inner["speed"][0][6:], k_p=k_p, k_d=k_d)
 
@@ -119,19 +155,27 @@ class Walker:
         bridge: between controller and MuJoCo.
     """
 
-    def __init__(self, who: Contender, model: Any, robot: Robot, friction: float, seed: int | None = None) -> None:
+    def __init__(
+        self, who: Contender, model: Any, robot: Robot, friction: float, seed: int | None = None
+    ) -> None:
         robot, period = knowing(robot, who.known), float(model.opt.timestep)
         self.bridge = MujocoBridge(model, robot)
         self._radius = float(self.bridge.foot_radius.mean())
-        self._lower = self._radius if who.round else 0.0  # by how much the world is lower than the controller's
+        self._lower = (
+            self._radius if who.round else 0.0
+        )  # by how much the world is lower than the controller's
         self.gait: Any = WalkingGait(robot)
         if who.controller == "stand":
             left = range(0, len(robot.corners), 2)
-            self.gait = Standing(robot, shift=SHIFT * Standing(robot).over(*left), shift_period=SHIFT_PERIOD)
+            self.gait = Standing(
+                robot, shift=SHIFT * Standing(robot).over(*left), shift_period=SHIFT_PERIOD
+            )
         if who.controller == "joint_pd":
             self.controller: Any = MotorPD(self.gait, mu=friction, period=period)
         else:
-            how: dict[str, Any] = dict(zip(("joint_stiffness", "joint_damping"), who.law, strict=True))
+            how: dict[str, Any] = dict(
+                zip(("joint_stiffness", "joint_damping"), who.law, strict=True)
+            )
             how |= {} if who.contact_damping is None else {"contact_damping": who.contact_damping}
             kind = "wbc" if who.controller == "wbc" or shares_joints(robot) else "condensed"
             how |= {
@@ -143,12 +187,20 @@ class Walker:
             how |= {"solver": "active_set"} if kind == "wbc" else {}
             self.controller = make_controller(kind, self.gait, **how)
         late = -int(-DELAY // period)
-        self._sensors = None if seed is None or who.sensed else Sensors(robot, Noise.typical(), delay=late, seed=seed)
+        self._sensors = (
+            None
+            if seed is None or who.sensed
+            else Sensors(robot, Noise.typical(), delay=late, seed=seed)
+        )
         self.estimator: Estimator | None = None
-        self.trace: list[tuple[Vector, ...]] = []  # true and estimated configurations and velocities
+        self.trace: list[
+            tuple[Vector, ...]
+        ] = []  # true and estimated configurations and velocities
         if who.sensed:
             self._sensing = Sensing(robot, Imu(), period=period, seed=0 if seed is None else seed)
-            self.estimator = Estimator(robot, Imu(), period=period, foot_radius=self.bridge.foot_radius)
+            self.estimator = Estimator(
+                robot, Imu(), period=period, foot_radius=self.bridge.foot_radius
+            )
 
     def place(self, data: Any) -> None:
         """Put the robot on the ground, at rest."""
@@ -170,7 +222,9 @@ class Walker:
             readings = self._sensing.read(state, data.qfrc_actuator[self.bridge.velocity])
             true, state = (
                 state,
-                self.estimator.step(readings, self.controller.target, getattr(self.controller, "acceleration", None)),
+                self.estimator.step(
+                    readings, self.controller.target, getattr(self.controller, "acceleration", None)
+                ),
             )
             self.trace.append((true.q, true.v, state.q.copy(), state.v.copy()))
         if self._sensors is not None:
@@ -191,8 +245,12 @@ class Watch:
         self.body = int(model.jnt_bodyid[bridge.free])
         self._height = float(data.xpos[self.body, 2])
         self._velocity = np.zeros(6)  # of the body, rotation first, axes of the body
-        self.slip = self.landing = self.lifting = self.energy = self.path = self.time = self.error = 0.0
-        self._slips: dict[int, list[float]] = {}  # of each foot's present contact, step by step, m/s
+        self.slip = self.landing = self.lifting = self.energy = self.path = self.time = (
+            self.error
+        ) = 0.0
+        self._slips: dict[
+            int, list[float]
+        ] = {}  # of each foot's present contact, step by step, m/s
         self._away = dict[int, int]()  # steps since its last touch
         self.fell = False
 
@@ -203,16 +261,27 @@ class Watch:
         self.slip += dt * sum(speed.values())
         self._note_contacts(speed, dt)
         torque = data.qfrc_actuator[self._joints] + data.qfrc_applied[self._joints]
-        self.energy += dt * sum(power for power in (torque * data.qvel[self._joints]).tolist() if power > 0.0)
+        self.energy += dt * sum(
+            power for power in (torque * data.qvel[self._joints]).tolist() if power > 0.0
+        )
         turned, (forward, leftward) = data.xmat[self.body].tolist(), command[:2].tolist()
-        mujoco.mj_objectVelocity(self._model, data, mujoco.mjtObj.mjOBJ_XBODY, self.body, self._velocity, 0)
+        mujoco.mj_objectVelocity(
+            self._model, data, mujoco.mjtObj.mjOBJ_XBODY, self.body, self._velocity, 0
+        )
         length, (x, y) = hypot(turned[0], turned[3]), self._velocity[3:5].tolist()
-        ahead, aside = (x * turned[0] + y * turned[3]) / length, (y * turned[0] - x * turned[3]) / length
+        ahead, aside = (
+            (x * turned[0] + y * turned[3]) / length,
+            (y * turned[0] - x * turned[3]) / length,
+        )
         self.path += dt * hypot(x, y)
         self.error += dt * ((ahead - forward) ** 2 + (aside - leftward) ** 2)
         self.time += dt
-        began_anew = data.time < self.time - 0.5 * dt  # MuJoCo does so where numbers are no longer finite
-        self.fell = bool(began_anew or data.xpos[self.body, 2] < LOWEST * self._height or turned[8] < UPRIGHT)
+        began_anew = (
+            data.time < self.time - 0.5 * dt
+        )  # MuJoCo does so where numbers are no longer finite
+        self.fell = bool(
+            began_anew or data.xpos[self.body, 2] < LOWEST * self._height or turned[8] < UPRIGHT
+        )
 
     def _note_contacts(self, speed: dict[int, float], dt: float) -> None:
         """Of each contact that has ended, the slip at its beginning and at its end."""
@@ -246,7 +315,8 @@ class Watch:
 
 
 def sliding(model: Any, data: Any, foot: Sequence[int]) -> dict[int, float]:
-    """Speed along the level ground of what touches it, m/s, of every foot in contact. A foot that rolls does not slide.
+    """Speed along the level ground of what touches it, m/s, of every foot in contact. A foot that
+    rolls does not slide.
 
     Args:
         model: ``mujoco.MjModel``.
@@ -257,7 +327,9 @@ def sliding(model: Any, data: Any, foot: Sequence[int]) -> dict[int, float]:
     force, velocity = np.zeros(6), np.zeros(6)
     if data.ncon == 0:
         return speed
-    for k, (pair, point) in enumerate(zip(data.contact.geom.tolist(), data.contact.pos.tolist(), strict=True)):
+    for k, (pair, point) in enumerate(
+        zip(data.contact.geom.tolist(), data.contact.pos.tolist(), strict=True)
+    ):
         geom = pair[0] if foot[pair[0]] >= 0 else pair[1]
         if foot[geom] < 0:
             continue
@@ -266,18 +338,30 @@ def sliding(model: Any, data: Any, foot: Sequence[int]) -> dict[int, float]:
             continue
         mujoco.mj_objectVelocity(model, data, mujoco.mjtObj.mjOBJ_GEOM, geom, velocity, 0)
         p, q, r, vx, vy, _ = velocity.tolist()
-        x, y, z = (at - middle for at, middle in zip(point, data.geom_xpos[geom].tolist(), strict=True))
+        x, y, z = (
+            at - middle for at, middle in zip(point, data.geom_xpos[geom].tolist(), strict=True)
+        )
         here = hypot(vx + q * z - r * y, vy + r * x - p * z)
         speed[foot[geom]] = max(here, speed.get(foot[geom], 0.0))
     return speed
 
 
 def followed(
-    job: dict[str, Any], bridge: MujocoBridge, data: Any, act: Callable[[Any, Vector], None], every: int = 1
+    job: dict[str, Any],
+    bridge: MujocoBridge,
+    data: Any,
+    act: Callable[[Any, Vector], None],
+    every: int = 1,
 ) -> dict[str, Any]:
-    """Measures of a walk to its end, or to the fall; ``act`` sets the actuators from data and command."""
+    """Measures of a walk to its end, or to the fall; ``act`` sets the actuators from data and
+    command.
+    """
     mujoco, model, watch = import_mujoco(), bridge.model, Watch(bridge, data)
-    dt, rows, command = float(model.opt.timestep), [np.array(row) for row in job["commands"]], np.zeros(3)
+    dt, rows, command = (
+        float(model.opt.timestep),
+        [np.array(row) for row in job["commands"]],
+        np.zeros(3),
+    )
     try:
         for k in range(round(job["duration"] / dt)):
             while rows and rows[0][0] <= k * dt:
@@ -285,7 +369,9 @@ def followed(
             if job["push"] is not None:
                 on = job["push"][0] <= k * dt < job["push"][0] + PUSH
                 mass = float(model.body_subtreemass[watch.body])
-                data.xfrc_applied[watch.body, :2] = mass / PUSH * np.array(job["push"][1:]) if on else 0.0
+                data.xfrc_applied[watch.body, :2] = (
+                    mass / PUSH * np.array(job["push"][1:]) if on else 0.0
+                )
             if k % every == 0:
                 act(data, command)
             mujoco.mj_step(model, data)
@@ -301,10 +387,11 @@ def walked(job: dict[str, Any]) -> dict[str, Any]:
     """Measures of a walk.
 
     Args:
-        job: ``world``, ``feet`` and ``friction``; ``who``, a name of :data:`WALKERS`, or the settings of one;
-            ``duration``, s; ``commands``, each with the time from which on it holds, s, forward, to the left and
-            turning; ``push``, its time, s, and impulse over mass, m/s, or None; ``noise``, its seed, or None; and
-            ``kept``, what alone is kept of the world (:func:`~comparison.worlds.models.strip`), or None.
+        job: ``world``, ``feet`` and ``friction``; ``who``, a name of :data:`WALKERS`, or the
+            settings of one; ``duration``, s; ``commands``, each with the time from which on it
+            holds, s, forward, to the left and turning; ``push``, its time, s, and impulse over
+            mass, m/s, or None; ``noise``, its seed, or None; and ``kept``, what alone is kept of
+            the world (:func:`~comparison.worlds.models.strip`), or None.
     """
     who = WALKERS[job["who"]] if isinstance(job["who"], str) else Contender(**job["who"])
     mujoco = import_mujoco()
@@ -316,7 +403,9 @@ def walked(job: dict[str, Any]) -> dict[str, Any]:
     walker = Walker(who, model, robot, job["friction"], seed=job["noise"])
     data = mujoco.MjData(model)
     if who.controller != "policy":
-        model.actuator_ctrllimited[model.actuator_biastype != 0] = 0  # servos take any torque through any target
+        model.actuator_ctrllimited[model.actuator_biastype != 0] = (
+            0  # servos take any torque through any target
+        )
     with Policy(default_folder()) if who.controller == "policy" else nullcontext() as network:
         if network is None:
             walker.place(data)
@@ -325,4 +414,6 @@ def walked(job: dict[str, Any]) -> dict[str, Any]:
             return found | (off(*paths, period=float(model.opt.timestep)) if walker.trace else {})
         mujoco.mj_resetDataKeyframe(model, data, 0)
         mujoco.mj_forward(model, data)
-        return followed(job, walker.bridge, data, network.acting(model), round(PERIOD / model.opt.timestep))
+        return followed(
+            job, walker.bridge, data, network.acting(model), round(PERIOD / model.opt.timestep)
+        )

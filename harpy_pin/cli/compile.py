@@ -1,4 +1,6 @@
-"""The commands ``harpy compile``, by which no first tick waits for a compiler, and ``harpy export``, portable C."""
+"""The commands ``harpy compile``, by which no first tick waits for a compiler, and ``harpy
+export``, portable C.
+"""
 
 from __future__ import annotations
 
@@ -26,12 +28,18 @@ DURATION = 0.6
 
 
 def compile_ahead(
-    robots: Annotated[list[str] | None, typer.Argument(metavar="[ROBOT]...", help=options.ROBOTS)] = None,
+    robots: Annotated[
+        list[str] | None, typer.Argument(metavar="[ROBOT]...", help=options.ROBOTS)
+    ] = None,
     feet: options.FeetOption = None,
     flat_feet: options.FlatFeetOption = None,
     posture: options.PostureOption = None,
     clear: Annotated[
-        bool, typer.Option("--clear", help="Remove compiled libraries; only robots that are named are compiled again.")
+        bool,
+        typer.Option(
+            "--clear",
+            help="Remove compiled libraries; only robots that are named are compiled again.",
+        ),
     ] = False,
 ) -> None:
     """Compile what these robots need to walk, stand or hover.
@@ -49,9 +57,14 @@ def compile_ahead(
     from harpy_pin.kernels.kernels import wait_for_all
     from harpy_pin.scenario import walk
 
-    walkers = [options.read_robot_options(name, feet, posture, flat_feet) for name in dict.fromkeys(robots or [HARPY])]
+    walkers = [
+        options.read_robot_options(name, feet, posture, flat_feet)
+        for name in dict.fromkeys(robots or [HARPY])
+    ]
     if clear:
-        console.print(f"removed {_count(compiler.clear())} from {compiler.folder()}", soft_wrap=True)
+        console.print(
+            f"removed {_count(compiler.clear())} from {compiler.folder()}", soft_wrap=True
+        )
         if not robots:
             return
     compiler.command()
@@ -76,7 +89,10 @@ def compile_ahead(
                 threads.shutdown(cancel_futures=True)
             raise
     folder = compiler.MADE[-1].parent if compiler.MADE else compiler.folder()
-    message = f"{_count(len(compiler.MADE))} compiled in {perf_counter() - begin:.1f} s; they are in {folder}"
+    message = (
+        f"{_count(len(compiler.MADE))} compiled in {perf_counter() - begin:.1f} s; they are "
+        f"in {folder}"
+    )
     console.print(message, soft_wrap=True)
     say_next(f"harpy walk --robot {(robots or [HARPY])[0]}")
 
@@ -86,7 +102,9 @@ def _count(libraries: int) -> str:
 
 
 def _scenarios(robots: Sequence[str | Robot]) -> Iterator[tuple[str, Scenario]]:
-    """Name and scenario of each walk of some ticks that compiles what these robots need, the longest first."""
+    """Name and scenario of each walk of some ticks that compiles what these robots need, the
+    longest first.
+    """
     from harpy_pin.controllers.named_controllers import GOVERNORS
     from harpy_pin.scenario import Condensed, Governed, Scenario, WholeBody, gaits_of
 
@@ -97,7 +115,9 @@ def _scenarios(robots: Sequence[str | Robot]) -> Iterator[tuple[str, Scenario]]:
                 (WholeBody(), "whole-body QP, ProxQP"),
                 (WholeBody(parameters={"solver": "active_set"}), "whole-body QP, own search"),
             ):
-                scenario = Scenario(robot=robot, gait=gait, controller=controller, duration=DURATION)
+                scenario = Scenario(
+                    robot=robot, gait=gait, controller=controller, duration=DURATION
+                )
                 yield f"{scenario.robot_name}, {title}, gait '{gait}'", scenario
         if robot == HARPY:
             for governor in GOVERNORS:
@@ -107,7 +127,10 @@ def _scenarios(robots: Sequence[str | Robot]) -> Iterator[tuple[str, Scenario]]:
 
 def export(
     robot: Annotated[str, typer.Argument(metavar="ROBOT", help=options.ROBOTS)],
-    to: Annotated[str, typer.Option("--to", metavar="DIR", help="Output folder: new, empty, or an exported one.")],
+    to: Annotated[
+        str,
+        typer.Option("--to", metavar="DIR", help="Output folder: new, empty, or an exported one."),
+    ],
     controller: Annotated[
         str, typer.Option(metavar="NAME", help="condensed, walk, wbc, paper, filter or estimator.")
     ] = "condensed",
@@ -119,18 +142,26 @@ def export(
 ) -> None:
     """Write a controller as C99 for a microcontroller.
 
-    With recorded ticks to check it with. walk is the condensed controller with a walking gait, which takes a velocity;
-    paper (its governor) and filter (the contact-force filter) are for Harpy; estimator is the state from IMU and
-    encoders. The code allocates no memory and needs only the C
-    mathematical library. Where gcc-arm-none-eabi and qemu-system-arm are installed, the README in the folder gives the
-    cost of a tick.
+    With recorded ticks to check it with. walk is the condensed controller with a walking gait,
+    which takes a velocity; paper (its governor) and filter (the contact-force filter) are for
+    Harpy; estimator is the state from IMU and encoders. The code allocates no memory and needs only
+    the C mathematical library. Where gcc-arm-none-eabi and qemu-system-arm are installed, the
+    README in the folder gives the cost of a tick.
     """
     from harpy_pin.export import export as write
 
     walker = options.read_robot_options(robot, feet, posture, flat_feet)
     done = write(walker, to, controller=controller, precision=precision, force=force)
     name, folder = done.code.name, done.folder
-    console.print(f"{folder}/{name}.h, {name}.c, {name}.hpp: {done.what.title}, in {precision}", soft_wrap=True)
-    console.print(f"{done.code.ram} bytes of RAM; {done.ticks} recorded ticks; README.md says more", soft_wrap=True)
-    source, build, check = (shlex.quote(os.path.join(".", folder, own)) for own in ("", "b", "b/check"))
+    console.print(
+        f"{folder}/{name}.h, {name}.c, {name}.hpp: {done.what.title}, in {precision}",
+        soft_wrap=True,
+    )
+    console.print(
+        f"{done.code.ram} bytes of RAM; {done.ticks} recorded ticks; README.md says more",
+        soft_wrap=True,
+    )
+    source, build, check = (
+        shlex.quote(os.path.join(".", folder, own)) for own in ("", "b", "b/check")
+    )
     print(f"cmake -S {source} -B {build} && cmake --build {build} && {check}")

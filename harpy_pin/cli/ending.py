@@ -29,7 +29,8 @@ def say(message: object) -> None:
 def stopping(command: Callable[..., None]) -> Callable[..., None]:
     """A command that SIGTERM ends like Ctrl-C, with the exit codes that shells expect.
 
-    What is compiled in the background is waited for, or ended where the command did not come to its end.
+    What is compiled in the background is waited for, or ended where the command did not come to its
+    end.
     """
 
     @wraps(command)
@@ -44,7 +45,8 @@ def stopping(command: Callable[..., None]) -> Callable[..., None]:
                         command(*arguments, **options)
                     except typer.Exit as ending:
                         code = ending.exit_code
-                    # What would otherwise be done at the end of the process, where a signal cuts it.
+                    # What would otherwise be done at the end of the process, where a signal cuts
+                    # it.
                     if (kernels := _kernels()) is not None:
                         kernels.wait_for_all()
                     if sys.stdout is not None:
@@ -71,12 +73,18 @@ def _kernels() -> Any:
 
 
 def _show_as_a_line() -> None:
-    """Show our own warnings without the line of code, each once: some commands read a robot several times."""
+    """Show our own warnings without the line of code, each once: some commands read a robot several
+    times.
+    """
     others = warnings.showwarning
     own, said = str(Path(__file__).parents[1]), set[str]()
 
-    def show(message: Any, category: type[Warning], filename: str, *place: Any, **more: Any) -> None:
-        if issubclass(category, RunFileWarning) or (category is UserWarning and filename.startswith(own)):
+    def show(
+        message: Any, category: type[Warning], filename: str, *place: Any, **more: Any
+    ) -> None:
+        if issubclass(category, RunFileWarning) or (
+            category is UserWarning and filename.startswith(own)
+        ):
             if str(message) not in said:
                 say(message)
             said.add(str(message))
@@ -88,11 +96,12 @@ def _show_as_a_line() -> None:
 
 @contextmanager
 def one_line_errors(program: str, code: int) -> Iterator[None]:
-    """Run a program whose errors that a user can mend become one line each; others keep their traceback.
+    """Run a program whose errors that a user can mend become one line each; others keep their
+    traceback.
 
-    These are the library's own errors, arguments that the command line cannot read, which have an exit code of their
-    own, and an output that takes no more text. The program's name is in front of the line; characters that the output
-    does not know are replaced.
+    These are the library's own errors, arguments that the command line cannot read, which have an
+    exit code of their own, and an output that takes no more text. The program's name is in front of
+    the line; characters that the output does not know are replaced.
     """
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
@@ -112,12 +121,16 @@ def one_line_errors(program: str, code: int) -> Iterator[None]:
             raise
         # Plain text: a message may hold brackets, which markup would swallow.
         with suppress(OSError):
-            print(f"{program}: {' '.join((fault or str(error)).split())}", file=sys.stderr, flush=True)
+            print(
+                f"{program}: {' '.join((fault or str(error)).split())}", file=sys.stderr, flush=True
+            )
         sys.exit(getattr(error, "exit_code", code))
 
 
 def _output_fault(error: Exception) -> str | None:
-    """Why the output takes no more text, if so; the rest of it is dropped, or Python would try again at exit."""
+    """Why the output takes no more text, if so; the rest of it is dropped, or Python would try
+    again at exit.
+    """
     if not isinstance(error, OSError) or error.filename is not None:
         return None
     with suppress(AttributeError, OSError):
@@ -126,7 +139,9 @@ def _output_fault(error: Exception) -> str | None:
 
 
 def _usage_fault(error: Exception) -> str | None:
-    """What is wrong with the arguments, by attributes of the error: its class is private to Typer."""
+    """What is wrong with the arguments, by attributes of the error: its class is private to
+    Typer.
+    """
     if not hasattr(error, "format_message"):
         return None
     context = getattr(error, "ctx", None)

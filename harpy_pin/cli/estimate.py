@@ -13,18 +13,27 @@ from harpy_pin.files import check_outputs
 
 
 def estimate(
-    log: Annotated[Path, typer.Argument(metavar="LOG", help="Sensors: .csv, .npz or .mcap (extra: mcap).")],
+    log: Annotated[
+        Path, typer.Argument(metavar="LOG", help="Sensors: .csv, .npz or .mcap (extra: mcap).")
+    ],
     robot: options.RobotOption = "go2",
     feet: options.FeetOption = None,
     flat_feet: options.FlatFeetOption = None,
-    save: Annotated[Path | None, typer.Option(metavar="FILE.npz", help="Write the estimate as a run.")] = None,
-    mcap: Annotated[Path | None, typer.Option(metavar="FILE.mcap", help="Write it for Foxglove (extra: mcap).")] = None,
-    figures: Annotated[Path | None, typer.Option(metavar="FILE", help="Charts: .png, .pdf or .svg.")] = None,
+    save: Annotated[
+        Path | None, typer.Option(metavar="FILE.npz", help="Write the estimate as a run.")
+    ] = None,
+    mcap: Annotated[
+        Path | None, typer.Option(metavar="FILE.mcap", help="Write it for Foxglove (extra: mcap).")
+    ] = None,
+    figures: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Charts: .png, .pdf or .svg.")
+    ] = None,
 ) -> None:
     """Estimate the state of a robot from a log of its sensors, and print how far it drifts.
 
-    The log has t, gyroscope, accelerometer, joint_position, and joint_torque or foot_force; joint_velocity if there is
-    one, and the truth as q and v. Harpy's own logs with sensors are such logs.
+    The log has t, gyroscope, accelerometer, joint_position, and joint_torque or foot_force;
+    joint_velocity if there is one, and the truth as q and v. Harpy's own logs with sensors are such
+    logs.
 
     \b
     harpy walk --robot go2 --set state=estimated --save walk.npz
@@ -47,4 +56,8 @@ def estimate(
         from harpy_pin.cli.view import draw_figures
 
         draw_figures(run, known, figures)
-    say_next(f"harpy estimate {log} --robot {robot} --save estimate.npz" if save is None else f"harpy view {save}")
+    say_next(
+        f"harpy estimate {log} --robot {robot} --save estimate.npz"
+        if save is None
+        else f"harpy view {save}"
+    )

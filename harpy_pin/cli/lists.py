@@ -17,7 +17,9 @@ from harpy_pin.cli.walk_options import ROBOTS, FeetOption, read_robot_options
 from harpy_pin.errors import install_line
 
 
-def info(named: Annotated[str, typer.Option("--robot", help=ROBOTS)] = "harpy", feet: FeetOption = None) -> None:
+def info(
+    named: Annotated[str, typer.Option("--robot", help=ROBOTS)] = "harpy", feet: FeetOption = None
+) -> None:
     """Print a robot's numbers, versions, and where examples are."""
     from harpy_pin.log.run import describe_versions
     from harpy_pin.model.source import loaded_robot
@@ -32,7 +34,14 @@ def info(named: Annotated[str, typer.Option("--robot", help=ROBOTS)] = "harpy", 
     if robot.thrusters:
         limit = f"{robot.thrust_limit:g} N each" if np.isfinite(robot.thrust_limit) else "no limit"
         table.caption = f"{table.caption}\nthrusters {', '.join(robot.thrusters)}, {limit}"
-    rows = zip(robot.joints, robot.joint_lower, robot.joint_upper, robot.torque_limit, model.armature[6:], strict=True)
+    rows = zip(
+        robot.joints,
+        robot.joint_lower,
+        robot.joint_upper,
+        robot.torque_limit,
+        model.armature[6:],
+        strict=True,
+    )
     for name, lower, upper, torque, armature in rows:
         table.add_row(name, f"{lower:.2f}", f"{upper:.2f}", f"{torque:.1f}", f"{armature:g}")
     console.print(table)
@@ -53,19 +62,26 @@ def info(named: Annotated[str, typer.Option("--robot", help=ROBOTS)] = "harpy", 
 def robots() -> None:
     """List the robots that are known by name.
 
-    Their files, but for Harpy's, are in example-robot-data, the extra "robots"; without it masses are not known.
+    Their files, but for Harpy's, are in example-robot-data, the extra "robots"; without it masses
+    are not known.
     """
     from harpy_pin.model.catalogue import installed_data
     from harpy_pin.model.robot import robots as known_robots
 
     installed = installed_data()
-    found = f"is not installed: {install_line('robots')}" if installed is None else f"{installed} is installed"
+    found = (
+        f"is not installed: {install_line('robots')}"
+        if installed is None
+        else f"{installed} is installed"
+    )
     table = Table("robot", "mass kg", "joints", "feet or rotors", "licence")
     for column in table.columns[1:3]:
         column.justify = "right"
     for name, robot in known_robots().items():
         numbers = ("–", "–") if robot.mass is None else (f"{robot.mass:.2f}", str(robot.joints))
-        table.add_row(name, *numbers, " ".join(robot.feet) or f"{robot.rotors} rotors", robot.licence or "–")
+        table.add_row(
+            name, *numbers, " ".join(robot.feet) or f"{robot.rotors} rotors", robot.licence or "–"
+        )
     output = _console(100)
     output.print(table)
     output.print(f"example-robot-data {found}", soft_wrap=True)
@@ -74,12 +90,16 @@ def robots() -> None:
 
 def settings(
     names: Annotated[
-        list[str] | None, typer.Argument(metavar="[NAME]...", help="Only names that begin like this; all by default.")
+        list[str] | None,
+        typer.Argument(
+            metavar="[NAME]...", help="Only names that begin like this; all by default."
+        ),
     ] = None,
 ) -> None:
     """List the settings of a walk: what --set takes.
 
-    Gaits, controllers or engines that have a setting are named first. A part not named is the first that has it.
+    Gaits, controllers or engines that have a setting are named first. A part not named is the first
+    that has it.
 
     \b
     harpy settings controller
@@ -91,9 +111,15 @@ def settings(
 
     table = Table("setting", "default", "meaning", pad_edge=False)
     everything = settings_table()
-    found = [setting for setting in everything if any(setting.name.startswith(name) for name in names or ("",))]
+    found = [
+        setting
+        for setting in everything
+        if any(setting.name.startswith(name) for name in names or ("",))
+    ]
     if not found:
-        raise InputError.unknown("setting", " ".join(names or ()), [setting.name for setting in everything])
+        raise InputError.unknown(
+            "setting", " ".join(names or ()), [setting.name for setting in everything]
+        )
     for setting in found:
         default = "null" if setting.default is None else str(setting.default).removesuffix("()")
         owners = f"{', '.join(setting.parts)}: " if setting.parts else ""
@@ -101,7 +127,9 @@ def settings(
         table.add_row(setting.name, default, owners + meaning)
     _console(140).print(table)
     given = [setting for setting in found if isinstance(setting.default, str | float | int)]
-    say_next(f"harpy walk --set {given[-1].name}={given[-1].default}" if given else "harpy settings")
+    say_next(
+        f"harpy walk --set {given[-1].name}={given[-1].default}" if given else "harpy settings"
+    )
 
 
 def _console(width: int) -> Console:

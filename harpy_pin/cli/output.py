@@ -15,7 +15,10 @@ FELL, BAD_INPUT, INTERRUPTED, TERMINATED = 1, 2, 130, 143
 console = Console(markup=False, highlight=False)  # names and messages may hold brackets
 stderr = Console(stderr=True, markup=False, highlight=False)
 Force = Annotated[
-    bool, typer.Option("--force", help="Also take a folder with other files; those of the same names are replaced.")
+    bool,
+    typer.Option(
+        "--force", help="Also take a folder with other files; those of the same names are replaced."
+    ),
 ]
 
 

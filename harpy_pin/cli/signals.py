@@ -9,17 +9,24 @@ import threading
 from typing import Any
 
 SIGNALS = (signal.SIGINT, signal.SIGTERM)
-ENDING = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP", "SIGQUIT") if hasattr(signal, name))
+ENDING = tuple(
+    getattr(signal, name)
+    for name in ("SIGINT", "SIGTERM", "SIGHUP", "SIGQUIT")
+    if hasattr(signal, name)
+)
 """Signals after which no compiler is left running."""
 COMPILER = "harpy_pin.kernels.compiler"
-"""The module whose compilers and folders a process does not leave behind, once it has been imported."""
+"""The module whose compilers and folders a process does not leave behind, once it has been
+imported.
+"""
 
 
 def leave_at_signals() -> None:
-    """From now on a signal ends the process at once and without a word, with the exit code that shells expect.
+    """From now on a signal ends the process at once and without a word, with the exit code that
+    shells expect.
 
-    For the time in which nothing is at stake: while modules are imported, and once everything is written. A signal that
-    the process was started to ignore stays ignored.
+    For the time in which nothing is at stake: while modules are imported, and once everything is
+    written. A signal that the process was started to ignore stays ignored.
     """
     for number in ENDING:
         if signal.getsignal(number) in (signal.SIG_DFL, signal.default_int_handler):
@@ -33,11 +40,14 @@ def _leave(number: int, frame: object) -> None:
 
 
 class _Stopped(KeyboardInterrupt):
-    """Not the class itself: once C code has seen that, Python ends by SIGINT whatever exit code it is given."""
+    """Not the class itself: once C code has seen that, Python ends by SIGINT whatever exit code it
+    is given.
+    """
 
 
 class Interruptible:
-    """A block that Ctrl-C and SIGTERM end by a ``KeyboardInterrupt``; ``received`` are the signals so far.
+    """A block that Ctrl-C and SIGTERM end by a ``KeyboardInterrupt``; ``received`` are the signals
+    so far.
 
     Does nothing outside the main thread, where no signal arrives.
     """

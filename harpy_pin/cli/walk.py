@@ -1,4 +1,6 @@
-"""The commands ``harpy walk``, which measures and reports a scenario, and ``harpy demo``, three on slippery ground."""
+"""The commands ``harpy walk``, which measures and reports a scenario, and ``harpy demo``, three on
+slippery ground.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +14,15 @@ import typer
 
 from harpy_pin.cli import walk_options as options
 from harpy_pin.cli.ending import say
-from harpy_pin.cli.output import FELL, INTERRUPTED, console, say_next, stderr, values_table, walking_bar
+from harpy_pin.cli.output import (
+    FELL,
+    INTERRUPTED,
+    console,
+    say_next,
+    stderr,
+    values_table,
+    walking_bar,
+)
 from harpy_pin.errors import ControlError, InputError, Interrupted, RunFileError
 from harpy_pin.files import Shield, check_outputs, journal_path, write_json
 
@@ -34,18 +44,26 @@ def walk(
     push: options.PushOption = None,
     settings: options.SetOption = None,
     duration: options.DurationOption = None,
-    save: Annotated[Path | None, typer.Option(metavar="FILE.npz", help="Write the log of the run.")] = None,
-    html: Annotated[Path | None, typer.Option(metavar="FILE.html", help="Write its replay as a page.")] = None,
+    save: Annotated[
+        Path | None, typer.Option(metavar="FILE.npz", help="Write the log of the run.")
+    ] = None,
+    html: Annotated[
+        Path | None, typer.Option(metavar="FILE.html", help="Write its replay as a page.")
+    ] = None,
     again: Annotated[
-        Path | None, typer.Option(metavar="RUN.npz", help="Walk the scenario of this log again, with no other options.")
+        Path | None,
+        typer.Option(
+            metavar="RUN.npz", help="Walk the scenario of this log again, with no other options."
+        ),
     ] = None,
     json: options.JsonOption = None,
 ) -> None:
     """Simulate a walk of the full robot, and print its measures.
 
-    Everything that is not an option here is a setting, given by --set; `harpy settings` lists them. Exit code 0 if the
-    robot walked to the end, 1 if it fell or stumbled, 130 on Ctrl-C, 143 on SIGTERM (the log is kept). With --save the
-    log is written to disk during the walk: if the process dies, harpy view reads FILE.npz.part.
+    Everything that is not an option here is a setting, given by --set; `harpy settings` lists them.
+    Exit code 0 if the robot walked to the end, 1 if it fell or stumbled, 130 on Ctrl-C, 143 on
+    SIGTERM (the log is kept). With --save the log is written to disk during the walk: if the
+    process dies, harpy view reads FILE.npz.part.
 
     \b
     harpy walk --set controller.governor=paper --friction 0.25 --save a.npz
@@ -57,15 +75,25 @@ def walk(
     harpy walk --again a.npz
     """
     journal = None if save is None else journal_path(save)
-    check_outputs({"--html": html, "--json": json}, inputs={"--again": again, "the journal of --save": journal})
+    check_outputs(
+        {"--html": html, "--json": json},
+        inputs={"--again": again, "the journal of --save": journal},
+    )
     check_outputs({"--save": save, "--html": html, "--json": json})
-    choices: dict[str, Any] = {"robot": robot, "feet": feet, "posture": posture, "friction": friction}
+    choices: dict[str, Any] = {
+        "robot": robot,
+        "feet": feet,
+        "posture": posture,
+        "friction": friction,
+    }
     choices |= {"flat_feet": flat_feet, "speed": speed, "push": push, "duration": duration}
     given = {name: value for name, value in choices.items() if value is not None}
     if again is None:
         scenario = options.read_scenario(settings or (), **given)
     elif given or settings:
-        named = ", ".join(f"--{name}".replace("_", "-") for name in (*given, *(("set",) if settings else ())))
+        named = ", ".join(
+            f"--{name}".replace("_", "-") for name in (*given, *(("set",) if settings else ()))
+        )
         raise InputError(f"--again walks the scenario of its file: leave out {named}", name="again")
     else:
         from harpy_pin.log.run import Run
@@ -83,7 +111,9 @@ def walk(
         raise typer.Exit(code)
 
 
-def _run(scenario: Scenario, *, save: Path | None) -> tuple[Run, ControlError | Interrupted | RunFileError | None]:
+def _run(
+    scenario: Scenario, *, save: Path | None
+) -> tuple[Run, ControlError | Interrupted | RunFileError | None]:
     """The run of a scenario, and what ended or befell it."""
     from harpy_pin.scenario import build
 
@@ -106,22 +136,36 @@ def _report(
     html: Path | None,
     json: Path | None,
 ) -> int:
-    """Print the tables, write what was asked for, and return the exit code that the ending deserves."""
+    """Print the tables, write what was asked for, and return the exit code that the ending
+    deserves.
+    """
     from harpy_pin.log.measures import STUMBLE, WORDS, measure
     from harpy_pin.scenario.gait_parts import Stand, Walking, gaits_of, why_not
 
     measured = measure(run)
     measures = measured.as_dict()
-    ice = "".join(f", {mu:g} from {begin:g} to {end:g} m" for begin, end, mu in scenario.ground.friction_strips)
+    ice = "".join(
+        f", {mu:g} from {begin:g} to {end:g} m"
+        for begin, end, mu in scenario.ground.friction_strips
+    )
     slope = f", slope {math.degrees(scenario.ground.slope):g}°" if scenario.ground.slope else ""
-    who = f"{scenario.robot_name}, {scenario.controller.name}, {scenario.gait.name} gait, {scenario.plant.name} plant"
+    who = (
+        f"{scenario.robot_name}, {scenario.controller.name}, {scenario.gait.name} gait, "
+        f"{scenario.plant.name} plant"
+    )
     if scenario.gait.name == Stand.name and Walking.name not in gaits_of(scenario.robot):
         who += f" ({why_not(scenario.robot, Walking.name) or 'two, four or six feet walk'})"
     estimated = ", on its estimate" if scenario.state == "estimated" else ""
     title = f"{who}{estimated}, friction {scenario.ground.mu_s:g}{ice}{slope}"
     values = {**measures, "steps": f"{measures['steps']:.1f}"}
-    values |= {name: ("no", "yes")[value] for name, value in measures.items() if isinstance(value, bool)}
-    console.print(values_table(title, {WORDS[name]: value for name, value in values.items() if value == value}))
+    values |= {
+        name: ("no", "yes")[value] for name, value in measures.items() if isinstance(value, bool)
+    }
+    console.print(
+        values_table(
+            title, {WORDS[name]: value for name, value in values.items() if value == value}
+        )
+    )
     if json is not None:
         write_json(json, {**measures, "metadata": run.metadata})
     if isinstance(trouble, RunFileError):
@@ -140,7 +184,10 @@ def _report(
         say(trouble)
         return INTERRUPTED if isinstance(trouble, Interrupted) else FELL
     if run.ending != "completed":
-        stderr.print(f"{run.ending} at t = {run.metadata['end_time']:.3f} s; {measured.causes}", soft_wrap=True)
+        stderr.print(
+            f"{run.ending} at t = {run.metadata['end_time']:.3f} s; {measured.causes}",
+            soft_wrap=True,
+        )
     elif measures["stumbled"]:
         tilt = f"the body tilted by {measures['tilt_max_rad']:.2f} rad, more than {STUMBLE:g}"
         stderr.print(f"completed, but stumbled: {tilt}; this does not count as walking")
@@ -150,12 +197,17 @@ def _report(
 
 
 def demo(
-    html: Annotated[Path, typer.Option(metavar="FILE.html", help="The page to write.")] = Path("harpy_demo.html"),
-    no_open: Annotated[bool, typer.Option("--no-open", help="Do not open the page in the browser.")] = False,
+    html: Annotated[Path, typer.Option(metavar="FILE.html", help="The page to write.")] = Path(
+        "harpy_demo.html"
+    ),
+    no_open: Annotated[
+        bool, typer.Option("--no-open", help="Do not open the page in the browser.")
+    ] = False,
 ) -> None:
     """Walk on slippery ground under three controllers.
 
-    The paper's governor, the condensed controller and the whole-body QP side by side, for 4 s at friction 0.15.
+    The paper's governor, the condensed controller and the whole-body QP side by side, for 4 s at
+    friction 0.15.
     """
     check_outputs({"--html": html})
     from harpy_pin.ground.ground import Ground
@@ -171,8 +223,13 @@ def demo(
             runs.append(build(scenario).run(on_piece=on_piece))
     scores = {score.label: score.values for score in scoreboard(runs)}
     for k, run in enumerate(runs):
-        ending, slip, tick = (scores[label][k] for label in ("ending", "slip, mm per step", "tick, µs median"))
-        console.print(f"{name_of(run):<{NAME_WIDTH}} {ending:<16} slip {slip:>6} mm per step   tick {tick:>3} µs")
+        ending, slip, tick = (
+            scores[label][k] for label in ("ending", "slip, mm per step", "tick, µs median")
+        )
+        console.print(
+            f"{name_of(run):<{NAME_WIDTH}} {ending:<16} slip {slip:>6} mm per step   tick "
+            f"{tick:>3} µs"
+        )
     write_html(runs, html)
     console.print(f"wrote {html}")
     say_next(f"harpy walk --friction {SLIPPERY:g} --save walk.npz, then harpy view walk.npz")

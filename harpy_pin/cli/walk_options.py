@@ -1,4 +1,6 @@
-"""Options that commands share, most of which say what is walked; ``--set`` reaches every setting there is."""
+"""Options that commands share, most of which say what is walked; ``--set`` reaches every setting
+there is.
+"""
 
 from __future__ import annotations
 
@@ -21,42 +23,71 @@ if TYPE_CHECKING:
 LEG_OF_SOLE = 6
 """Joints of a leg that can hold a sole level."""
 ENDLESS = 13.0
-"""Range from which on a joint whose hub is a foot turns like a wheel: a little more than two turns, rad."""
-ROBOTS = "harpy (by default), a robot that `harpy robots` lists, or a URDF or MJCF file with --feet."
+"""Range from which on a joint whose hub is a foot turns like a wheel: a little more than two turns,
+rad.
+"""
+ROBOTS = (
+    "harpy (by default), a robot that `harpy robots` lists, or a URDF or MJCF file with --feet."
+)
 RobotOption = Annotated[str, typer.Option(help=ROBOTS.replace(" (by default)", ""))]
-FrictionOption = Annotated[float | None, typer.Option(help="Static friction.  [default: 0.25]", show_default=False)]
+FrictionOption = Annotated[
+    float | None, typer.Option(help="Static friction.  [default: 0.25]", show_default=False)
+]
 FeetOption = Annotated[
     str | None,
-    typer.Option("--feet", metavar="NAME,...", help="Frames of the feet of a URDF or MJCF file, or '*_foot'."),
+    typer.Option(
+        "--feet", metavar="NAME,...", help="Frames of the feet of a URDF or MJCF file, or '*_foot'."
+    ),
 ]
 FlatFeetOption = Annotated[
     str | None,
     typer.Option(
-        "--flat-feet", metavar="LxW[@X,Y,Z[,R,P,Y]]", help="The feet are soles: sides, middle, m, and axes, rad."
+        "--flat-feet",
+        metavar="LxW[@X,Y,Z[,R,P,Y]]",
+        help="The feet are soles: sides, middle, m, and axes, rad.",
     ),
 ]
 PostureOption = Annotated[
-    str | None, typer.Option("--posture", metavar="RAD,...", help="Standing angles, of all joints or of one leg.")
+    str | None,
+    typer.Option(
+        "--posture", metavar="RAD,...", help="Standing angles, of all joints or of one leg."
+    ),
 ]
 SpeedOption = Annotated[
     float | None,
-    typer.Option(help="Forward, m/s; at 0 it stands.  [default: 0.3; 0.15 on flat feet]", show_default=False),
+    typer.Option(
+        help="Forward, m/s; at 0 it stands.  [default: 0.3; 0.15 on flat feet]", show_default=False
+    ),
 ]
 PushOption = Annotated[
     list[str] | None,
-    typer.Option(metavar="TIME:X,Y,Z", help="Push the body at this time, s, by an impulse, N·s; repeatable."),
+    typer.Option(
+        metavar="TIME:X,Y,Z", help="Push the body at this time, s, by an impulse, N·s; repeatable."
+    ),
 ]
-DurationOption = Annotated[float | None, typer.Option(help="Simulated time, s.", show_default=False)]
+DurationOption = Annotated[
+    float | None, typer.Option(help="Simulated time, s.", show_default=False)
+]
 SetOption = Annotated[
-    list[str] | None, typer.Option("--set", metavar="NAME=VALUE", help="Any other setting; harpy settings lists them.")
+    list[str] | None,
+    typer.Option(
+        "--set", metavar="NAME=VALUE", help="Any other setting; harpy settings lists them."
+    ),
 ]
 UrdfOption = Annotated[
-    Path | None, typer.Option("--urdf", metavar="FILE", help="A variant of Harpy's URDF; the packaged one by default.")
+    Path | None,
+    typer.Option(
+        "--urdf", metavar="FILE", help="A variant of Harpy's URDF; the packaged one by default."
+    ),
 ]
-JsonOption = Annotated[Path | None, typer.Option("--json", metavar="FILE", help="Also write the numbers as JSON.")]
+JsonOption = Annotated[
+    Path | None, typer.Option("--json", metavar="FILE", help="Also write the numbers as JSON.")
+]
 
 
-def read_robot_options(robot: str, feet: str | None, posture: str | None, flat_feet: str | None = None) -> str | Robot:
+def read_robot_options(
+    robot: str, feet: str | None, posture: str | None, flat_feet: str | None = None
+) -> str | Robot:
     """The robot of the options: its name where it is known, else read from its file."""
     from harpy_pin.model.catalogue import catalogue_robot
     from harpy_pin.model.robot import load_robot
@@ -68,9 +99,13 @@ def read_robot_options(robot: str, feet: str | None, posture: str | None, flat_f
     try:
         angles = [] if posture is None else [float(angle) for angle in posture.split(",")]
     except ValueError:
-        raise InputError(f"--posture takes angles in rad, got '{posture}'", name="posture") from None
+        raise InputError(
+            f"--posture takes angles in rad, got '{posture}'", name="posture"
+        ) from None
     if robot == "harpy":
-        raise InputError("--feet, --flat-feet and --posture are of a robot that --robot names", name="feet")
+        raise InputError(
+            "--feet, --flat-feet and --posture are of a robot that --robot names", name="feet"
+        )
     if frames is not None and any(set("*?[") & set(name) for name in frames):
         model = load_robot(robot, feet=()).model
         frames = [name for pattern in frames for name in _matching(model, pattern)]
@@ -83,12 +118,19 @@ def read_robot_options(robot: str, feet: str | None, posture: str | None, flat_f
     if not angles:
         return named_robot(known)
     return named_robot(
-        load_robot(robot, feet=frames, flat_feet=flat, posture=angles * max(len(known.joints) // len(angles), 1))
+        load_robot(
+            robot,
+            feet=frames,
+            flat_feet=flat,
+            posture=angles * max(len(known.joints) // len(angles), 1),
+        )
     )
 
 
 def _matching(model: Any, pattern: str) -> list[str]:
-    """Names of links that a pattern fits, or of other frames; the pattern itself where there are none."""
+    """Names of links that a pattern fits, or of other frames; the pattern itself where there are
+    none.
+    """
     names = [frame.name for frame in model.frames]
     links = [name for name in names if model.existBodyName(name)]
     for some in (links, names):
@@ -119,10 +161,16 @@ def _notes(robot: Robot) -> Iterator[str]:
     found, turns = legs(robot), robot.joint_upper - robot.joint_lower
     wheels = [leg.points[0] for leg in found if leg.hub and turns[leg.joints[-1] - 2] > ENDLESS]
     if wheels:
-        yield f"{', '.join(wheels)} on joints that turn without end: wheels do not roll here, they are feet"
+        yield (
+            f"{', '.join(wheels)} on joints that turn without end: wheels do not roll here, they "
+            f"are feet"
+        )
     of_sole = [leg.points[0] for leg in found if len(leg.joints) == LEG_OF_SOLE]
     if of_sole and not robot.flat_feet and not wheels:
-        yield f"{', '.join(of_sole)} behind six joints, taken as points: for soles give --flat-feet, such as 0.2x0.09"
+        yield (
+            f"{', '.join(of_sole)} behind six joints, taken as points: for soles give "
+            f"--flat-feet, such as 0.2x0.09"
+        )
 
 
 def read_scenario(
@@ -155,20 +203,26 @@ def read_scenario(
 def read_settings(texts: Sequence[str]) -> dict[str, Any]:
     """Settings by their dotted names, of texts such as ``controller.mu=0.4``.
 
-    A value is JSON where it looks like that (``true``, ``0.4``, ``[0.3,0,0.1]``, also without brackets), else a name.
+    A value is JSON where it looks like that (``true``, ``0.4``, ``[0.3,0,0.1]``, also without
+    brackets), else a name.
     """
     settings: dict[str, Any] = {}
     for text in texts:
         name, equals, value = text.partition("=")
         if not equals or not all(name.split(".")):
-            message = f"--set takes NAME=VALUE, such as controller.mu=0.4, got '{text}'; harpy settings lists the names"
+            message = (
+                f"--set takes NAME=VALUE, such as controller.mu=0.4, got '{text}'; harpy "
+                f"settings lists the names"
+            )
             raise InputError(message, name="set", value=text)
         settings[name] = _read_value(value)
     return settings
 
 
 def _read_value(text: str) -> Any:
-    """A value as JSON has it, ``null`` for nothing; text that is no JSON is a name, such as the governor ``none``."""
+    """A value as JSON has it, ``null`` for nothing; text that is no JSON is a name, such as the
+    governor ``none``.
+    """
     if text in ("True", "False"):
         return text == "True"
     for form in (text, f"[{text}]") if "," in text else (text,):
@@ -186,7 +240,11 @@ def _speed(robot: str | Robot, gait: Any, speed: float) -> Mapping[str, Any]:
     if gait is None and (why := why_not(robot, "walking")):
         raise InputError(f"{why}: it stands", name="robot", value=robot)
     kind = GAIT_PARTS.get(gaits_of(robot)[0] if gait is None else str(gait))
-    return {"gait.velocity": (speed, 0.0, 0.0)} if kind and "velocity" in kind.settings() else {"gait.speed": speed}
+    return (
+        {"gait.velocity": (speed, 0.0, 0.0)}
+        if kind and "velocity" in kind.settings()
+        else {"gait.speed": speed}
+    )
 
 
 def _read_push(text: str) -> dict[str, Any]:
@@ -196,4 +254,6 @@ def _read_push(text: str) -> dict[str, Any]:
         x, y, z = (float(part) for part in impulse.split(","))
         return {"time": float(time), "impulse": (x, y, z)}
     except ValueError:
-        raise InputError(f"a push must look like TIME:X,Y,Z (s and N·s), got '{text}'", name="push") from None
+        raise InputError(
+            f"a push must look like TIME:X,Y,Z (s and N·s), got '{text}'", name="push"
+        ) from None

@@ -13,7 +13,11 @@ from harpy_pin import checks
 from harpy_pin.arguments import checked
 from harpy_pin.contrib.threads import Threads, selection
 from harpy_pin.controllers.condensed_tick import CondensedTasksRecord
-from harpy_pin.controllers.joint_targets import JointTargetsRecord, joint_targets_record, move_targets
+from harpy_pin.controllers.joint_targets import (
+    JointTargetsRecord,
+    joint_targets_record,
+    move_targets,
+)
 from harpy_pin.controllers.parameters import WholeBodyParameters
 from harpy_pin.controllers.task_controller import tasks_record
 from harpy_pin.controllers.tasks import forces_in_world, task_terms
@@ -34,13 +38,16 @@ from harpy_pin.wbc.condensed.solve import TORQUE_CLIPPED, solve_condensed
 __all__ = ["BatchTargets", "CondensedBatch"]
 
 BAD_STATE = -1
-"""Status of a robot whose state or targets are not finite: its torques, thrusts and gains are zero."""
+"""Status of a robot whose state or targets are not finite: its torques, thrusts and gains are
+zero.
+"""
 Array = NDArray[Any]
 
 
 @dataclass(frozen=True, slots=True)
 class BatchTargets:
-    """Targets of n robots, with the names and units of :class:`~harpy_pin.gaits.gait.GaitTarget`; write them in place.
+    """Targets of n robots, with the names and units of :class:`~harpy_pin.gaits.gait.GaitTarget`;
+    write them in place.
 
     Attributes:
         body: (n, 9) position, velocity and acceleration of the body.
@@ -72,7 +79,9 @@ class BatchTargets:
             InputError: the gait is of a robot with other feet.
         """
         if target.stance.shape != self.stance.shape[1:]:
-            raise InputError("target must be of a gait of the same robot", name="target", value=target)
+            raise InputError(
+                "target must be of a gait of the same robot", name="target", value=target
+            )
         chosen = which if isinstance(which, slice) else selection("which", which, len(self.body))
         for name in self.__slots__:
             getattr(self, name)[chosen] = getattr(target, name)
@@ -87,34 +96,41 @@ class BodyRecord(RecordOf):
 
 @fixed_arrays("force", "law", "mass_error", "mu", "status", "thrust", "torque")
 class CondensedBatch(KeepsViews):
-    """n robots of one kind: tasks, then the whole-body optimum in contact forces, in one compiled loop.
+    """n robots of one kind: tasks, then the whole-body optimum in contact forces, in one compiled
+    loop.
 
-    Row i of the results is what a condensed controller of its own gives robot i, to the last digit where the arrays are
-    float64. A robot whose state is not finite, or whose system is singular, changes no other row.
+    Row i of the results is what a condensed controller of its own gives robot i, to the last digit
+    where the arrays are float64. A robot whose state is not finite, or whose system is singular,
+    changes no other row.
 
     Args:
         robot: each foot on a limb of its own.
         n: how many robots.
-        parameters: gains, weights and limits; by default those that fit the robot where it stands or hovers. There is
-            no friction estimate here: give each robot its friction in ``mu``. Gains of joint targets are those of
-            ``robot``, whatever the errors of the mass, and nothing is learned of the joints.
-        double_support: share of a step with both feet on the ground, over which the load goes from one foot to the
-            other; zero where it may go at once.
+        parameters: gains, weights and limits; by default those that fit the robot where it stands
+            or hovers. There is no friction estimate here: give each robot its friction in ``mu``.
+            Gains of joint targets are those of ``robot``, whatever the errors of the mass, and
+            nothing is learned of the joints.
+        double_support: share of a step with both feet on the ground, over which the load goes from
+            one foot to the other; zero where it may go at once.
         dtype: float64 or float32, of all arrays; the arithmetic is float64.
         threads: most that work at a time; one for each core by default.
 
     Attributes:
         mu: (n,) friction coefficient of each robot's ground.
-        mass_error: (n,) relative error of the body's mass and inertia that each controller knows of.
+        mass_error: (n,) relative error of the body's mass and inertia that each controller knows
+            of.
         torque: (n, joints) of the last step, N·m.
         thrust: (n, thrusters, 3) of the last step, world axes, N.
         law: (n, 4, joints) of the motors in the last step: q*, v*, stiffness and damping, as in
-            :class:`~harpy_pin.model.state.Command`; zero without ``joint_stiffness`` and ``joint_damping``.
+            :class:`~harpy_pin.model.state.Command`; zero without ``joint_stiffness`` and
+            ``joint_damping``.
         force: (n, feet, 3) contact forces of the last step, world axes, N.
-        status: (n,) of the last step: :class:`~harpy_pin.wbc.condensed.CondensedStatus`, or −1 for a bad state.
+        status: (n,) of the last step: :class:`~harpy_pin.wbc.condensed.CondensedStatus`, or −1 for
+            a bad state.
 
     Raises:
-        InputError: n is no positive integer, the type is another one, or the robot is of another kind.
+        InputError: n is no positive integer, the type is another one, or the robot is of another
+            kind.
     """
 
     n = property(attrgetter("_n"))
@@ -147,7 +163,9 @@ class CondensedBatch(KeepsViews):
             raise InputError(message, name="parameters", value=p)
         condensed = condensed_record(robot, p.weights, p.limits)
         record: Any = tasks_record(gait, p, CondensedTasksRecord, condensed=condensed)
-        record["tasks"]["double_support"] = checks.number("double_support", double_support, low=0.0, high=0.9)
+        record["tasks"]["double_support"] = checks.number(
+            "double_support", double_support, low=0.0, high=0.9
+        )
         self._threads = Threads(n, threads)
         pieces = len(self._threads.cuts) - 1
         record["condensed"]["mu"] = np.inf  # that of each robot counts
@@ -156,7 +174,9 @@ class CondensedBatch(KeepsViews):
         motors = joint_targets_record(robot, p, gait.initial_state()[0])
         if motors is None:
             gains, sizes = np.zeros((2, 0)), {**robot.sizes, "joints": 0}
-            motors = make_record(JointTargetsRecord, sizes, period=p.period, share=0.0, lead=0.0, gains=gains)
+            motors = make_record(
+                JointTargetsRecord, sizes, period=p.period, share=0.0, lead=0.0, gains=gains
+            )
         self._motors = [motors.copy() for _ in range(pieces)]
         tree = record["dynamics"]["tree"]
         self._body = make_record(BodyRecord, mass=tree["mass"][0, 0], inertia=tree["inertia"][0, 0])
@@ -165,12 +185,20 @@ class CondensedBatch(KeepsViews):
         self._targets = tuple(lasting(np.zeros((n, *shape), self.dtype)) for shape in shapes)
         self.targets.fill(gait.update(0.0))
         self.mu, self.mass_error = np.full(n, p.limits.mu), np.zeros(n)
-        self.torque, self.law = np.zeros((n, joints), self.dtype), np.zeros((n, 4, joints), self.dtype)
+        self.torque, self.law = (
+            np.zeros((n, joints), self.dtype),
+            np.zeros((n, 4, joints), self.dtype),
+        )
         self.thrust = np.zeros((n, len(robot.thrusters), 3), self.dtype)
         self.force = np.zeros((n, feet, 3), self.dtype)
         self.status = np.zeros(n, dtype=np.int64)
-        searches = [record["condensed"][name]["exchange"]["active"].shape[1] for name in ("free", "limited")]
-        active, follows = [np.zeros((n, rows), np.int64) for rows in searches], np.zeros(n, np.int64)
+        searches = [
+            record["condensed"][name]["exchange"]["active"].shape[1] for name in ("free", "limited")
+        ]
+        active, follows = (
+            [np.zeros((n, rows), np.int64) for rows in searches],
+            np.zeros(n, np.int64),
+        )
         self._memory = (*active, follows, np.zeros((n, *motors["target"].shape[1:])))
         model = robot.model
         self._shapes = {"q": (n, model.nq), "v": (n, model.nv), "foot_force": (n, feet, 3)}
@@ -193,7 +221,8 @@ class CondensedBatch(KeepsViews):
     def step(self, q: Any, v: Any, foot_force: Any) -> tuple[Array, Array]:
         """One tick of every robot, for :attr:`targets`.
 
-        Arrays of the batch's type are read where they are, from NumPy or through DLPack; others are copied first.
+        Arrays of the batch's type are read where they are, from NumPy or through DLPack; others are
+        copied first.
 
         Args:
             q: (n, nq) configurations.
@@ -206,7 +235,10 @@ class CondensedBatch(KeepsViews):
         Raises:
             InputError: an array has the wrong shape.
         """
-        given = tuple(self._array(name, value) for name, value in (("q", q), ("v", v), ("foot_force", foot_force)))
+        given = tuple(
+            self._array(name, value)
+            for name, value in (("q", q), ("v", v), ("foot_force", foot_force))
+        )
         checks.number("least mu", checks.vector("mu", self.mu, self.n).min(), low=0.0)
         errors = checks.vector("mass_error", self.mass_error, self.n)
         checks.number("least mass_error", errors.min(), low=-1.0, strict=True)
@@ -230,12 +262,18 @@ class CondensedBatch(KeepsViews):
         try:
             value = np.from_dlpack(value) if foreign else value
         except Exception as error:  # of whoever exports it
-            raise InputError(f"{name} must be an array of numbers: {reason(error)}", name=name, value=value) from error
+            raise InputError(
+                f"{name} must be an array of numbers: {reason(error)}", name=name, value=value
+            ) from error
         if type(value) is not np.ndarray or value.dtype != self.dtype:
             value = checks.array(name, value, None)
         array: Array = np.ascontiguousarray(value, dtype=self.dtype)
         if array.shape != self._shapes[name]:
-            raise InputError(f"{name} must have shape {self._shapes[name]}, got {array.shape}", name=name, value=value)
+            raise InputError(
+                f"{name} must have shape {self._shapes[name]}, got {array.shape}",
+                name=name,
+                value=value,
+            )
         return array
 
 
@@ -244,7 +282,10 @@ def step_batch(
     begin: int,
     end: int,
     parts: tuple[
-        Records[CondensedTasksRecord], Records[GaitTargetRecord], Records[JointTargetsRecord], Records[BodyRecord]
+        Records[CondensedTasksRecord],
+        Records[GaitTargetRecord],
+        Records[JointTargetsRecord],
+        Records[BodyRecord],
     ],
     memory: tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64], Vector],
     robots: tuple[Vector, Vector],
@@ -252,7 +293,9 @@ def step_batch(
     targets: tuple[Vector, ...],
     results: tuple[Vector, Vector, Vector, Vector, NDArray[np.int64]],
 ) -> None:
-    """Robots from ``begin`` to ``end``, one after the other; the order of the arrays is that of :meth:`step`."""
+    """Robots from ``begin`` to ``end``, one after the other; the order of the arrays is that of
+    :meth:`step`.
+    """
     record, gait, motors, body = parts
     free, limited, follows, target = memory
     mu, mass_error = robots

@@ -1,17 +1,20 @@
-"""A battery behind thrusters and motors: its voltage falls with charge and current, and with it the largest thrust.
+"""A battery behind thrusters and motors: its voltage falls with charge and current, and with it the
+largest thrust.
 
-**Voltage.** With the charge s, a share of the capacity, a lithium-polymer cell has the open-circuit voltage
+**Voltage.** With the charge s, a share of the capacity, a lithium-polymer cell has the open-circuit
+voltage
 
     U₀(s) = −1.031 e^(−35 s) + 3.685 + 0.2156 s − 0.1178 s² + 0.3201 s³
 
-(Chen & Rincón-Mora, *Accurate electrical battery model capable of predicting runtime and I–V performance*, IEEE
-Transactions on Energy Conversion 21(2), 2006; their resistance and capacitances of a small cell are left out). Under
-the power P the current I solves P = (n U₀ − R I) I. More than (n U₀)²/(4 R) is not to be had. An empty battery has no
-voltage.
+(Chen & Rincón-Mora, *Accurate electrical battery model capable of predicting runtime and I–V
+performance*, IEEE Transactions on Energy Conversion 21(2), 2006; their resistance and capacitances
+of a small cell are left out). Under the power P the current I solves P = (n U₀ − R I) I. More than
+(n U₀)²/(4 R) is not to be had. An empty battery has no voltage.
 
-**Thrust.** At full throttle the speed of a fan is proportional to its voltage, as long as losses in the winding are
-small, and by momentum theory the thrust of a disk at rest is proportional to the speed squared. So the largest thrust
-is that at full charge times (U/U_full)². Torques of the joints do not fall: their motors are far from full voltage.
+**Thrust.** At full throttle the speed of a fan is proportional to its voltage, as long as losses in
+the winding are small, and by momentum theory the thrust of a disk at rest is proportional to the
+speed squared. So the largest thrust is that at full charge times (U/U_full)². Torques of the joints
+do not fall: their motors are far from full voltage.
 
 Chemical power is that of shafts and joints, and heat, in every step: see :data:`ENERGIES`.
 """
@@ -34,7 +37,15 @@ from harpy_pin.model.state import Vector
 from harpy_pin.simulation.plant import Plant
 from harpy_pin.simulation.step import PlantRecord
 
-ENERGIES = ("chemical", "missing", "inner heat", "thrust shaft", "thrust heat", "joint mechanical", "joint heat")
+ENERGIES = (
+    "chemical",
+    "missing",
+    "inner heat",
+    "thrust shaft",
+    "thrust heat",
+    "joint mechanical",
+    "joint heat",
+)
 """Energies of a plant's battery since its reset, J: the sum of the first two is that of the others.
 
 ``missing`` is what was drawn beyond what can be had: zero where the battery suffices."""
@@ -59,7 +70,8 @@ class BatteryRecord(RecordOf):
 
 @fixed_arrays("record")
 class Battery(KeepsViews):
-    """Lithium-polymer cells in series, to be attached to a plant; the thrusters' ``largest`` is that at full charge.
+    """Lithium-polymer cells in series, to be attached to a plant; the thrusters' ``largest`` is
+    that at full charge.
 
     Runs log ``battery_charge``, ``battery_voltage`` and ``battery_energy`` (:data:`ENERGIES`).
 
@@ -75,7 +87,8 @@ class Battery(KeepsViews):
         record: what the kernel of a step reads and writes.
 
     Raises:
-        InputError: a value out of its domain; when attached, the plant's thrusters have no ``largest``.
+        InputError: a value out of its domain; when attached, the plant's thrusters have no
+            ``largest``.
     """
 
     def __init__(
@@ -108,7 +121,9 @@ class Battery(KeepsViews):
     @property
     def signals(self) -> Mapping[str, NDArray[Any]]:
         """For the log, by name."""
-        return {f"battery_{name}": field(self.record, name) for name in ("charge", "voltage", "energy")}
+        return {
+            f"battery_{name}": field(self.record, name) for name in ("charge", "voltage", "energy")
+        }
 
     def reset(self, plant: Plant) -> None:
         """Charge it as at the start.
@@ -117,7 +132,9 @@ class Battery(KeepsViews):
             plant: that it is attached to.
         """
         checks.instance("plant", plant, Plant)
-        checks.number("thrusters' largest, the thrust at full charge", plant.actuators.thrusters.largest)
+        checks.number(
+            "thrusters' largest, the thrust at full charge", plant.actuators.thrusters.largest
+        )
         self.record["charge"], self.record["energy"] = self._charge, 0.0
         self.record["voltage"] = open_voltage(self.record)
 
@@ -137,13 +154,17 @@ def open_voltage(b: BatteryRecord) -> float:
     s = b.charge
     if s <= 0.0:
         return 0.0
-    volts: float = b.cells * (-1.031 * np.exp(-35.0 * s) + 3.685 + s * (0.2156 + s * (-0.1178 + s * 0.3201)))
+    volts: float = b.cells * (
+        -1.031 * np.exp(-35.0 * s) + 3.685 + s * (0.2156 + s * (-0.1178 + s * 0.3201))
+    )
     return volts
 
 
 @kernel
 def draw(b: BatteryRecord, plant: PlantRecord, v: Vector, dt: float) -> None:
-    """Take the power of a step of ``dt`` seconds, at whose end the velocity is v, and bound the next one's thrusts."""
+    """Take the power of a step of ``dt`` seconds, at whose end the velocity is v, and bound the
+    next one's thrusts.
+    """
     thrusters, motors = plant.thrusters, plant.motors
     u, size = thrusters.mean_thrust, np.empty(thrusters.goal.shape[0])
     free = (u.shape[0] - size.shape[0]) // 2

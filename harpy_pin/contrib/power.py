@@ -1,7 +1,7 @@
 """Power that the thrusters (:mod:`harpy_pin.log.power`) and motors of a run take from a battery.
 
-The joint's mechanical power is τ q̇. A motor with the constant k_m turns (τ / k_m)² into heat. Of the power of braking
-joints a share goes back into the battery; the rest is heat.
+The joint's mechanical power is τ q̇. A motor with the constant k_m turns (τ / k_m)² into heat. Of
+the power of braking joints a share goes back into the battery; the rest is heat.
 """
 
 from __future__ import annotations
@@ -74,8 +74,14 @@ class Power:
 
     @property
     def cost_of_transport(self) -> float:
-        """Energy of the battery over weight times path; NaN for a path under 0.1 m, or without weight."""
-        return self.energy / (self.weight * self.path) if self.path >= 0.1 and self.weight > 0.0 else float("nan")
+        """Energy of the battery over weight times path; NaN for a path under 0.1 m, or without
+        weight.
+        """
+        return (
+            self.energy / (self.weight * self.path)
+            if self.path >= 0.1 and self.weight > 0.0
+            else float("nan")
+        )
 
 
 @checked
@@ -92,7 +98,9 @@ def power(run: Run, *, motors: Motors, propulsion: Propulsion | None = None) -> 
     """
     thrust = np.linalg.norm(optional.given_thrust(run), axis=2)
     if propulsion is None:
-        checks.number("thrust without propulsion", float(np.max(thrust, initial=0.0)), low=0.0, high=0.0)
+        checks.number(
+            "thrust without propulsion", float(np.max(thrust, initial=0.0)), low=0.0, high=0.0
+        )
         electrical = shaft = np.zeros(len(run))
     else:
         electrical = propulsion.electrical(thrust).sum(axis=1)

@@ -1,9 +1,11 @@
-"""A shield behind any controller or policy: what comes out keeps the motors' limits and, as predicted, the feet's grip.
+"""A shield behind any controller or policy: what comes out keeps the motors' limits and, as
+predicted, the feet's grip.
 
-It is the contact-force filter (:mod:`harpy_pin.governors.contact_force_filter`) with what a foreign source of commands
-needs besides: limits of torques and thrusts, an answer to commands that are not finite, and a report for every command.
-"Nearest" has the filter's meaning: the least change of the motion of body and swing feet, thrusts and torques that
-brings every foot's force to its nearest point, at the same normal force, in the tightened cone.
+It is the contact-force filter (:mod:`harpy_pin.governors.contact_force_filter`) with what a foreign
+source of commands needs besides: limits of torques and thrusts, an answer to commands that are not
+finite, and a report for every command. "Nearest" has the filter's meaning: the least change of the
+motion of body and swing feet, thrusts and torques that brings every foot's force to its nearest
+point, at the same normal force, in the tightened cone.
 """
 
 from __future__ import annotations
@@ -16,7 +18,12 @@ from numpy.typing import NDArray
 from harpy_pin import checks
 from harpy_pin.arguments import checked
 from harpy_pin.governors.contact_force_filter import ContactForceFilter
-from harpy_pin.governors.contact_force_kernels import ContactForceFilterRecord, answer_terms, cone_rows, friction_limit
+from harpy_pin.governors.contact_force_kernels import (
+    ContactForceFilterRecord,
+    answer_terms,
+    cone_rows,
+    friction_limit,
+)
 from harpy_pin.governors.contact_force_parameters import ContactForceFilterParameters
 from harpy_pin.governors.thrust import limit_thrust
 from harpy_pin.kernels import kernel
@@ -36,16 +43,19 @@ class ShieldReport:
 
     Attributes:
         changed: whether the command that came out differs from the one that went in.
-        safe: whether no foot that touches is predicted to slip or to lift under the command that came out, and state
-            and command were numbers. The prediction is that of feet that stick, see the filter.
-        reasons: what was wrong, such as ``friction left_foot``, ``normal force right_foot``, ``torque left_knee`` (the
-            motor's limit), ``thrust left_thruster`` (its limit), ``fading`` (of an earlier change), ``bad state`` or
-            ``bad command`` (not all finite numbers). A foot that slides already is named; its
-            force is corrected less, as by the filter.
+        safe: whether no foot that touches is predicted to slip or to lift under the command that
+            came out, and state and command were numbers. The prediction is that of feet that stick,
+            see the filter.
+        reasons: what was wrong, such as ``friction left_foot``, ``normal force right_foot``,
+            ``torque left_knee`` (the motor's limit), ``thrust left_thruster`` (its limit),
+            ``fading`` (of an earlier change), ``bad state`` or ``bad command`` (not all finite
+            numbers). A foot that slides already is named; its force is corrected less, as by the
+            filter.
         torque: (joints,) change of the torques, N·m.
         thrust: (thrusters, 3) change of the thrusts, N.
-        before: (feet, 2) friction margin μ f_z − |f_t| and normal force f_z, N, predicted under the command that went
-            in, within the limits of motors and thrusters; +inf for a swing foot, NaN where nothing could be predicted.
+        before: (feet, 2) friction margin μ f_z − |f_t| and normal force f_z, N, predicted under the
+            command that went in, within the limits of motors and thrusters; +inf for a swing foot,
+            NaN where nothing could be predicted.
         after: (feet, 2) the same under the command that came out.
     """
 
@@ -59,20 +69,23 @@ class ShieldReport:
 
 
 class Shield(KeepsViews):
-    """Lets a command through, or the nearest one that keeps motors in their limits and feet from slipping.
+    """Lets a command through, or the nearest one that keeps motors in their limits and feet from
+    slipping.
 
-    One object for each robot: it remembers its last change, which follows with the filter's lag of 2 ms, so that a
-    contact switch does not make the command jump. Until it has followed, the report says ``safe=False``; with
-    ``parameters=ContactForceFilterParameters(lag=0.0)`` there is no lag.
+    One object for each robot: it remembers its last change, which follows with the filter's lag of
+    2 ms, so that a contact switch does not make the command jump. Until it has followed, the report
+    says ``safe=False``; with ``parameters=ContactForceFilterParameters(lag=0.0)`` there is no lag.
 
     A command that is not all finite numbers is answered by the last one that came out, for
-    :data:`~harpy_pin.model.entry.HOLD_TICKS` ticks, and then fades out. For such a state see the filter.
+    :data:`~harpy_pin.model.entry.HOLD_TICKS` ticks, and then fades out. For such a state see the
+    filter.
 
     Args:
         robot: with feet and thrusters, a free flyer.
         mu: friction coefficient of the ground.
         period: time between commands, s.
-        parameters: other settings of the filter, by default those that fit the robot; their ``mu`` is replaced.
+        parameters: other settings of the filter, by default those that fit the robot; their ``mu``
+            is replaced.
 
     Attributes:
         governor: the filter.
@@ -80,7 +93,12 @@ class Shield(KeepsViews):
 
     @checked
     def __init__(
-        self, robot: Robot, *, mu: float, period: float = 1e-3, parameters: ContactForceFilterParameters | None = None
+        self,
+        robot: Robot,
+        *,
+        mu: float,
+        period: float = 1e-3,
+        parameters: ContactForceFilterParameters | None = None,
     ) -> None:
         self.robot = checks.instance("robot", robot, Robot)
         mu = checks.number("mu", mu, low=0.0)
@@ -107,8 +125,8 @@ class Shield(KeepsViews):
             A new command, and what was changed.
 
         Raises:
-            InputError: an array of the state or of the command has the wrong shape, or no numbers; or the command has
-                a motors' law.
+            InputError: an array of the state or of the command has the wrong shape, or no numbers;
+                or the command has a motors' law.
         """
         state, given = as_state(state, self.robot), as_command(command, self.robot)
         refuse_law(given)
@@ -153,10 +171,12 @@ class ShieldAnswer:
         after: (n, feet, 2) under the command that came out, N.
         excess: (n,) violation that is left, N; −1 for a bad state.
         changed: (n,) whether the command that came out differs from the one that went in.
-        safe: (n,) whether no foot that touches is predicted to slip or lift, and state and command were numbers.
+        safe: (n,) whether no foot that touches is predicted to slip or lift, and state and command
+            were numbers.
         bad_command: (n,) whether the command was not all finite numbers.
         short: (n, feet, 2) whether each foot had too little friction, and too little normal force.
-        beyond: (n, 2, joints + thrusters) what was beyond its limit, of the command given and of the corrected one.
+        beyond: (n, 2, joints + thrusters) what was beyond its limit, of the command given and of
+            the corrected one.
     """
 
     torque: Vector
@@ -197,7 +217,8 @@ class ShieldLoop:
         n: number of robots.
         mu: friction coefficient of the filter, which each call gives anew.
         period: time between commands, s.
-        parameters: other settings of the filter, by default those that fit the robot; their ``mu`` is replaced.
+        parameters: other settings of the filter, by default those that fit the robot; their ``mu``
+            is replaced.
 
     Attributes:
         governor: the filter, whose records serve the whole loop.
@@ -205,13 +226,23 @@ class ShieldLoop:
     """
 
     def __init__(
-        self, robot: Robot, n: int, *, mu: float, period: float, parameters: ContactForceFilterParameters | None
+        self,
+        robot: Robot,
+        n: int,
+        *,
+        mu: float,
+        period: float,
+        parameters: ContactForceFilterParameters | None,
     ) -> None:
         feet, thrusters, joints = len(robot.feet), len(robot.thrusters), len(robot.joints)
-        given = parameters if parameters is not None else ContactForceFilterParameters.for_robot(robot)
+        given = (
+            parameters if parameters is not None else ContactForceFilterParameters.for_robot(robot)
+        )
         settings = replace(given, mu=mu)
         self.governor = ContactForceFilter(robot, settings, period=period)
-        self._limits = make_record(LimitsRecord, torque_limit=robot.torque_limit, thrust_limit=robot.thrust_limit)
+        self._limits = make_record(
+            LimitsRecord, torque_limit=robot.torque_limit, thrust_limit=robot.thrust_limit
+        )
         self.bend: Vector = np.zeros((n, 3 * thrusters + joints))
         in_a_row = np.zeros((n, 2), dtype=np.int64)  # bad states, bad commands
         self._memory = (self.bend, np.zeros((n, joints)), np.zeros((n, thrusters, 3)), in_a_row)
@@ -227,8 +258,8 @@ class ShieldLoop:
 
         Args:
             friction: (n, feet) friction coefficients.
-            given: (n, nq) configurations, (n, nv) velocities, (n, feet, 3) measured forces, (n, joints) torques and
-                (n, thrusters, 3) thrusts.
+            given: (n, nq) configurations, (n, nv) velocities, (n, feet, 3) measured forces, (n,
+                joints) torques and (n, thrusters, 3) thrusts.
         """
         torque, thrust = given[3:]
         n, feet, rows = len(torque), self._feet, torque.shape[1] + thrust.shape[1]
@@ -259,7 +290,10 @@ class ShieldLoop:
 @kernel
 def shield_all(
     records: tuple[
-        Records[DynamicsRecord], Records[ContactMapRecord], Records[ContactForceFilterRecord], Records[LimitsRecord]
+        Records[DynamicsRecord],
+        Records[ContactMapRecord],
+        Records[ContactForceFilterRecord],
+        Records[LimitsRecord],
     ],
     memory: tuple[Vector, Vector, Vector, Vector, NDArray[np.int64]],
     given: tuple[Vector, ...],
@@ -294,7 +328,9 @@ def shield_all(
         g.bend[:] = bend[i]
         g.bad_in_a_row = in_a_row[i, 0]
         verdict = update_terms(dynamics[0], q[i], v[i])
-        excess[i] = max(answer_terms(dynamics[0], terms[0], g, verdict, v[i], foot_force[i], u, f), -1.0)
+        excess[i] = max(
+            answer_terms(dynamics[0], terms[0], g, verdict, v[i], foot_force[i], u, f), -1.0
+        )
         in_a_row[i, 0] = g.bad_in_a_row
         if excess[i] < 0.0:
             within_limits(most, u, f)
@@ -323,7 +359,9 @@ def _mark(most: LimitsRecord, torque: Vector, thrust: Vector, beyond: NDArray[np
 
 @kernel
 def within_limits(most: LimitsRecord, torque: Vector, thrust: Vector) -> bool:
-    """Bring a command within ``torque_limit`` and ``thrust_limit``, in place; returns whether it was beyond them."""
+    """Bring a command within ``torque_limit`` and ``thrust_limit``, in place; returns whether it
+    was beyond them.
+    """
     over = float(np.max(abs(torque) - most.torque_limit)) > 0.0
     torque[:] = np.clip(torque, -most.torque_limit, most.torque_limit)
     return limit_thrust(thrust, most.thrust_limit) or over
@@ -352,7 +390,9 @@ def _margins(
     thrust: Vector,
     out: Vector,
 ) -> None:
-    """Friction margin and normal force that sticking demands under another command, after :func:`hold_forces`."""
+    """Friction margin and normal force that sticking demands under another command, after
+    :func:`hold_forces`.
+    """
     count = 0
     for k in range(out.shape[0]):
         if out[k, 0] != np.inf:

@@ -1,4 +1,6 @@
-"""Shields for many environments in one compiled loop; :class:`~harpy_pin.contrib.shield.Shield` is the loop for one."""
+"""Shields for many environments in one compiled loop; :class:`~harpy_pin.contrib.shield.Shield` is
+the loop for one.
+"""
 
 from __future__ import annotations
 
@@ -23,8 +25,8 @@ __all__ = ["ShieldBatch"]
 class ShieldBatch(KeepsViews):
     """A shield for each of n environments with the same robot, in one call.
 
-    Every environment has a memory of its own, as if it had a :class:`~harpy_pin.contrib.shield.Shield` of its own.
-    The time of a call grows linearly with n.
+    Every environment has a memory of its own, as if it had a
+    :class:`~harpy_pin.contrib.shield.Shield` of its own. The time of a call grows linearly with n.
 
     Args:
         robot: with feet and thrusters, a free flyer.
@@ -59,7 +61,9 @@ class ShieldBatch(KeepsViews):
         for value in self.mu:
             checks.number("mu", value, low=0.0)
         feet, thrusters, joints = len(robot.feet), len(robot.thrusters), len(robot.joints)
-        self._loop = ShieldLoop(robot, self.n, mu=float(self.mu[0]), period=period, parameters=parameters)
+        self._loop = ShieldLoop(
+            robot, self.n, mu=float(self.mu[0]), period=period, parameters=parameters
+        )
         one = {"q": (robot.model.nq,), "v": (robot.model.nv,), "foot_force": (feet, 3)}
         one |= {"torque": (joints,), "thrust": (thrusters, 3)}
         self._shapes = {name: (self.n, *shape) for name, shape in one.items()}
@@ -73,7 +77,12 @@ class ShieldBatch(KeepsViews):
         self._loop.reset(selection("which", which, self.n))
 
     def __call__(
-        self, q: ArrayLike, v: ArrayLike, foot_force: ArrayLike, torque: ArrayLike, thrust: ArrayLike
+        self,
+        q: ArrayLike,
+        v: ArrayLike,
+        foot_force: ArrayLike,
+        torque: ArrayLike,
+        thrust: ArrayLike,
     ) -> tuple[Vector, Vector, ShieldAnswer]:
         """The commands to be sent, and the report.
 
@@ -91,7 +100,9 @@ class ShieldBatch(KeepsViews):
             InputError: an array has the wrong shape, or no numbers.
         """
         given = {"q": q, "v": v, "foot_force": foot_force, "torque": torque, "thrust": thrust}
-        arrays = {name: checks.array(name, value, self._shapes[name]) for name, value in given.items()}
+        arrays = {
+            name: checks.array(name, value, self._shapes[name]) for name, value in given.items()
+        }
         friction = np.repeat(self.mu, len(self.robot.feet)).reshape(self.n, -1)
         answer = self._loop.answer(friction, tuple(arrays.values()))
         return answer.torque, answer.thrust, answer

@@ -1,4 +1,5 @@
-"""Thrusters whose lag is of second order; and thrusters that give less than they should, found in the air.
+"""Thrusters whose lag is of second order; and thrusters that give less than they should, found in
+the air.
 
 What they give is found from the change of momentum, and what lacks is made up for.
 
@@ -6,9 +7,10 @@ In the air the momentum h of the robot about its centre of mass changes by thrus
 
     ḣ = Σ e_k w_k + (m g, 0),    w_k = (u_k, (p_k − c) × u_k),
 
-with the force u_k commanded of thruster k, its place p_k, and its effectiveness e_k, the share of the command that it
-gives. An observer of first order finds from the measured h what the present estimates leave unexplained, and each
-estimate follows its own part of that. The command of a thruster is divided by its effectiveness.
+with the force u_k commanded of thruster k, its place p_k, and its effectiveness e_k, the share of
+the command that it gives. An observer of first order finds from the measured h what the present
+estimates leave unexplained, and each estimate follows its own part of that. The command of a
+thruster is divided by its effectiveness.
 """
 
 from __future__ import annotations
@@ -42,7 +44,8 @@ LEAST, MOST = 0.2, 1.2  # least and largest effectiveness
 
 @dataclass(frozen=True, kw_only=True)
 class SecondOrderThrusters(Thrusters):
-    """As :class:`harpy_pin.Thrusters`, with the natural frequency 1 / ``lag``, which must not be zero.
+    """As :class:`harpy_pin.Thrusters`, with the natural frequency 1 / ``lag``, which must not be
+    zero.
 
     Attributes:
         damping_ratio: of the lag, 0.05 to 20.
@@ -84,9 +87,13 @@ class ThrustWatch(KeepsViews):
     @checked
     def __init__(self, controller: Controller, robot: Robot) -> None:
         if not robot.thrusters or robot.rotors:
-            raise InputError(f"'{robot.name}' has no free thrusters to watch", name="robot", value=robot)
+            raise InputError(
+                f"'{robot.name}' has no free thrusters to watch", name="robot", value=robot
+            )
         self.robot, self._inner = robot, controller
-        self.period = checks.number("period", getattr(controller, "period", 1e-3), low=0.0, strict=True)
+        self.period = checks.number(
+            "period", getattr(controller, "period", 1e-3), low=0.0, strict=True
+        )
         self._data = robot.model.createData()
         self._frames = [robot.frame_id(name) for name in robot.thrusters]
         self.effectiveness: Vector = np.ones(len(robot.thrusters))

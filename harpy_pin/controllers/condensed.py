@@ -1,4 +1,6 @@
-"""The condensed whole-body controller: gait → tasks → program in the contact forces, in one compiled call."""
+"""The condensed whole-body controller: gait → tasks → program in the contact forces, in one
+compiled call.
+"""
 
 from __future__ import annotations
 
@@ -6,7 +8,11 @@ from typing import NoReturn
 
 from harpy_pin.arguments import checked
 from harpy_pin.controllers.condensed_tick import CondensedTickRecord, condensed_step
-from harpy_pin.controllers.joint_targets import WITH_TARGETS, CondensedMotorsRecord, LaggedMotorsRecord
+from harpy_pin.controllers.joint_targets import (
+    WITH_TARGETS,
+    CondensedMotorsRecord,
+    LaggedMotorsRecord,
+)
 from harpy_pin.controllers.parameters import WholeBodyParameters
 from harpy_pin.controllers.task_controller import TaskController
 from harpy_pin.controllers.thrust_lag import LaggedTickRecord, lagged_step, thrust_lag_record
@@ -20,12 +26,13 @@ from harpy_pin.wbc.condensed.condensed_solver import CondensedSolver, condensed_
 class CondensedController(TaskController):
     """Walks by the optimum in contact forces; the tasks are those of :class:`WholeBodyController`.
 
-    A tick, :meth:`~harpy_pin.controllers.gait_controller.GaitController.step`, calls the gait's kernels and then
-    :func:`~harpy_pin.controllers.condensed_tick.condensed_step`: terms of the dynamics and tasks
-    (:func:`~harpy_pin.controllers.tasks.task_terms`), the optimum
+    A tick, :meth:`~harpy_pin.controllers.gait_controller.GaitController.step`, calls the gait's
+    kernels and then :func:`~harpy_pin.controllers.condensed_tick.condensed_step`: terms of the
+    dynamics and tasks (:func:`~harpy_pin.controllers.tasks.task_terms`), the optimum
     (:func:`~harpy_pin.wbc.condensed.solve.solve_condensed`), and the command.
-    Where no forces in the cones are within reach of the motors, the last command is held for ``hold_ticks`` ticks, as
-    :class:`WholeBodyController` holds it where its program has no solution; then the torques are clipped.
+    Where no forces in the cones are within reach of the motors, the last command is held for
+    ``hold_ticks`` ticks, as :class:`WholeBodyController` holds it where its program has no
+    solution; then the torques are clipped.
 
     Args:
         gait: where body and feet should be.
@@ -46,12 +53,22 @@ class CondensedController(TaskController):
             self._begin_tasks(CondensedTickRecord, CondensedMotorsRecord, condensed=condensed)
         else:
             self._begin_tasks(LaggedTickRecord, LaggedMotorsRecord, condensed=condensed, lag=lag)
-        self.solver = CondensedSolver(self.robot, p.weights, p.limits, record=self._record_["condensed"])
+        self.solver = CondensedSolver(
+            self.robot, p.weights, p.limits, record=self._record_["condensed"]
+        )
         self.acceleration = self.solver.acceleration
         self._clipped = field(self.solver._record_, "clipped")
-        status, systems = (field(self.solver._record_, "status_and_systems")[k, ...] for k in range(2))
-        self._signals |= {"desired_force": self.solver.force, "condensed_status": status, "law_systems": systems}
-        self._step.prepare(self._record_, self.target._record_, *self._measured(State(0.0, *self._sample)))
+        status, systems = (
+            field(self.solver._record_, "status_and_systems")[k, ...] for k in range(2)
+        )
+        self._signals |= {
+            "desired_force": self.solver.force,
+            "condensed_status": status,
+            "law_systems": systems,
+        }
+        self._step.prepare(
+            self._record_, self.target._record_, *self._measured(State(0.0, *self._sample))
+        )
 
     def _make_anew(self) -> None:
         """See :meth:`GaitController._make_anew`."""
@@ -73,7 +90,9 @@ class CondensedController(TaskController):
 
     @property
     def clipped(self) -> int:
-        """Ticks in which no forces in the cones were within reach of the motors, since the last reset."""
+        """Ticks in which no forces in the cones were within reach of the motors, since the last
+        reset.
+        """
         return int(self._clipped[0])
 
     def add(self, task: object, **_: object) -> NoReturn:
@@ -86,7 +105,8 @@ class CondensedController(TaskController):
             InputError: always.
         """
         raise InputError(
-            "the condensed controller has no place for added tasks: its cost is that of body, swing feet, thrusts and "
+            "the condensed controller has no place for added tasks: its cost is that of body, "
+            "swing feet, thrusts and "
             "contact forces alone. make_controller('wbc', ...).add takes them",
             name="task",
             value=task,

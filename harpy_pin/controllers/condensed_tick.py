@@ -1,4 +1,6 @@
-"""The tick of the condensed whole-body controller: one kernel for the library, its loop in C, and the exported C."""
+"""The tick of the condensed whole-body controller: one kernel for the library, its loop in C, and
+the exported C.
+"""
 
 from __future__ import annotations
 
@@ -23,9 +25,14 @@ class CondensedTickRecord(CondensedTasksRecord, TickRecord):
     """The condensed whole-body controller."""
 
 
-@kernel(v="r.dynamics.bias", foot_force="r.targets.feet")  # arrays of the record that have the same shape
-def condensed_step(r: CondensedTickRecord, target: GaitTargetRecord, q: Vector, v: Vector, foot_force: Vector) -> int:
-    """A tick: terms, tasks, optimum, command, of the measured q (nq,), v (nv,) and forces on the feet (feet, 3), N.
+@kernel(
+    v="r.dynamics.bias", foot_force="r.targets.feet"
+)  # arrays of the record that have the same shape
+def condensed_step(
+    r: CondensedTickRecord, target: GaitTargetRecord, q: Vector, v: Vector, foot_force: Vector
+) -> int:
+    """A tick: terms, tasks, optimum, command, of the measured q (nq,), v (nv,) and forces on the
+    feet (feet, 3), N.
 
     Returns the status: :class:`~harpy_pin.wbc.condensed.CondensedStatus`, or ``BAD_SAMPLE``.
     """

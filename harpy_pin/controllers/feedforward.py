@@ -1,16 +1,18 @@
-"""Feedforward torques for soft legs: the control law ``feedforward`` of the governed controller's legs.
+"""Feedforward torques for soft legs: the control law ``feedforward`` of the governed controller's
+legs.
 
-A joint PID holds the robot by its errors: the lower its stiffness, the deeper the legs sag, and the more the feet slip.
-Measurement delay makes high stiffness and damping unstable (docs/delay.md). Here most of
-the torque does not depend on errors,
+A joint PID holds the robot by its errors: the lower its stiffness, the deeper the legs sag, and the
+more the feet slip. Measurement delay makes high stiffness and damping unstable (docs/delay.md).
+Here most of the torque does not depend on errors,
 
     τ = τ_ff + K_p (q_t − q) + K_i ∫ + K_d (q̇_t − q̇)
     τ_ff = [ M a_t + n − J_fᵀ f_t ] of the joints,
 
-with a_t the gait's acceleration of body and feet, and f_t the contact force that goes with it. The ground exerts
-m (c̈_t − g) − Σ u_t in total, shared between the stance feet as in :func:`harpy_pin.controllers.tasks.share_of_load`.
-The thrusts u_t are those of the thruster feedback at the applied reference. The PID's part is small, so its gains may
-be as low as a delay needs, separately in stance and swing.
+with a_t the gait's acceleration of body and feet, and f_t the contact force that goes with it. The
+ground exerts m (c̈_t − g) − Σ u_t in total, shared between the stance feet as in
+:func:`harpy_pin.controllers.tasks.share_of_load`. The thrusts u_t are those of the thruster
+feedback at the applied reference. The PID's part is small, so its gains may be as low as a delay
+needs, separately in stance and swing.
 """
 
 from __future__ import annotations
@@ -19,7 +21,13 @@ from dataclasses import asdict
 
 import numpy as np
 
-from harpy_pin.controllers.governed_tick import ControlRecord, solve_three, steps_of, thrusts, track_foot
+from harpy_pin.controllers.governed_tick import (
+    ControlRecord,
+    solve_three,
+    steps_of,
+    thrusts,
+    track_foot,
+)
 from harpy_pin.controllers.parameters import FeedforwardGains
 from harpy_pin.controllers.tasks import share_of_load
 from harpy_pin.gaits.gait import FullGait, GaitTargetRecord
@@ -63,9 +71,16 @@ def forward_record(gait: FullGait, gains: FeedforwardGains) -> Records[ForwardRe
 
 @kernel
 def actuate_forward(
-    p: ForwardTickRecord, goal: GaitTargetRecord, applied: Vector, q: Vector, v: Vector, foot_force: Vector
+    p: ForwardTickRecord,
+    goal: GaitTargetRecord,
+    applied: Vector,
+    q: Vector,
+    v: Vector,
+    foot_force: Vector,
 ) -> None:
-    """The command: as :func:`harpy_pin.controllers.governed_tick.actuate`, with this control law."""
+    """The command: as :func:`harpy_pin.controllers.governed_tick.actuate`, with this control
+    law.
+    """
     w = p.forward
     update_terms(w.dynamics, q, v)
     thrusts(p, applied, v)
@@ -92,7 +107,9 @@ def _desired_forces(p: ControlRecord, goal: GaitTargetRecord, w: ForwardRecord) 
 
 @kernel
 def _desired_acceleration(p: ControlRecord, goal: GaitTargetRecord, w: ForwardRecord) -> None:
-    """a_t: of the upright body from the gait, of the joints from the feet, without the bias J̇ v of their velocities."""
+    """a_t: of the upright body from the gait, of the joints from the feet, without the bias J̇ v of
+    their velocities.
+    """
     w.acceleration[:3] = p.rotation.T @ goal.body[6:]
     w.acceleration[3:6] = 0.0
     for k in range(2):

@@ -1,45 +1,50 @@
 """An estimate of the friction coefficient under each foot, from measured foot forces and slip.
 
-A controller assumes a friction coefficient μ̂. Two observations correct it, both exact for Coulomb's law, and both of a
-foot under load:
+A controller assumes a friction coefficient μ̂. Two observations correct it, both exact for
+Coulomb's law, and both of a foot under load:
 
-- it slides: then its force is on the cone, and the ratio r = −f_t·v̂ / f_z, with v̂ the direction of the slip, *is* the
-  coefficient of sliding friction. The estimate falls to (1 − ε) r at once;
-- it sticks: then the ratio r = ‖f_t‖ / f_z *proves* μ ≥ r. The estimate is never below (1 − ε) times the ratios proven
-  on this foothold, of which old ones are forgotten with a time constant.
+- it slides: then its force is on the cone, and the ratio r = −f_t·v̂ / f_z, with v̂ the direction
+  of the slip, *is* the coefficient of sliding friction. The estimate falls to (1 − ε) r at once;
+- it sticks: then the ratio r = ‖f_t‖ / f_z *proves* μ ≥ r. The estimate is never below (1 − ε)
+  times the ratios proven on this foothold, of which old ones are forgotten with a time constant.
 
-What is measured is low-passed. The ratio of a slide is the power that friction takes, −f_t·v, over the one it would
-take at a coefficient of one, f_z ‖v‖, each low-passed: so samples in which a foot already sticks again have no weight.
+What is measured is low-passed. The ratio of a slide is the power that friction takes, −f_t·v, over
+the one it would take at a coefficient of one, f_z ‖v‖, each low-passed: so samples in which a foot
+already sticks again have no weight.
 
-Where a foot sticks the estimate rises slowly. This is a guess, not a measurement, but a controller that keeps inside
-the cone of the estimate would never find out otherwise that the ice has ended. A foot that touches down has a new place
-and knows nothing of it. It takes over the lowest estimate of the other feet in stance where that is lower than its
-own.
+Where a foot sticks the estimate rises slowly. This is a guess, not a measurement, but a controller
+that keeps inside the cone of the estimate would never find out otherwise that the ice has ended. A
+foot that touches down has a new place and knows nothing of it. It takes over the lowest estimate of
+the other feet in stance where that is lower than its own.
 
 What holds, for every sequence of samples:
 
 1. least estimate ≤ μ̂ ≤ assumed, at every tick.
-2. While the measured speed of a foot stays below the threshold, and it is loaded without a break, its estimate never
-   falls: the low-passed velocity is a weighted mean of the measured ones.
-3. While the low-passed speed is beyond the threshold, the estimate never rises. A foot that slides on along a line at a
-   ratio r has μ̂ ≤ max((1 − ε) r, proven ratio, least estimate) one time constant of the low-pass after its contact
-   began, and comes there exponentially where its slide began later.
-4. A foot that sticks under load has its assumed coefficient back after (assumed − least estimate) / rate of recovery.
+2. While the measured speed of a foot stays below the threshold, and it is loaded without a break,
+   its estimate never falls: the low-passed velocity is a weighted mean of the measured ones.
+3. While the low-passed speed is beyond the threshold, the estimate never rises. A foot that slides
+   on along a line at a ratio r has μ̂ ≤ max((1 − ε) r, proven ratio, least estimate) one time
+   constant of the low-pass after its contact began, and comes there exponentially where its slide
+   began later.
+4. A foot that sticks under load has its assumed coefficient back after (assumed − least estimate) /
+   rate of recovery.
 5. A sample of a foot that is not finite, or beyond ``MAX_SAMPLE``, changes nothing about that foot.
 
-Not proved: that the estimate is below the true coefficient before a foot has slid. The friction of a place that no foot
-has tried is unknown; the first foot on ice slides until that is noticed (``docs/friction.md`` says how far).
+Not proved: that the estimate is below the true coefficient before a foot has slid. The friction of
+a place that no foot has tried is unknown; the first foot on ice slides until that is noticed
+(``docs/friction.md`` says how far).
 
-**Friction in the joints** that the model does not have is estimated, too. The joints' rows of the equations of motion
-leave it over,
+**Friction in the joints** that the model does not have is estimated, too. The joints' rows of the
+equations of motion leave it over,
 
     φ = τ + J_fᵀ f + J_tᵀ u − M a − n − B v,    a = Δv / period,
 
-from the last command, the measured contact forces and two measured velocities. For every joint, least squares with
-exponential forgetting fit φ = b v + c tanh(v / ``KNEE``) with b, c ≥ 0: viscous and Coulomb friction. The fit is drawn
-to zero where a joint has hardly moved. The controllers' bias forces then contain it. Ticks in which a contact force
-changes by more than ``IMPACT`` are left out. Dry friction c that the model has is in the bias forces beforehand, as
-c tanh(v / ``KNOWN_KNEE``): along the motion and below c, so that it moves no joint on its own.
+from the last command, the measured contact forces and two measured velocities. For every joint,
+least squares with exponential forgetting fit φ = b v + c tanh(v / ``KNEE``) with b, c ≥ 0: viscous
+and Coulomb friction. The fit is drawn to zero where a joint has hardly moved. The controllers' bias
+forces then contain it. Ticks in which a contact force changes by more than ``IMPACT`` are left out.
+Dry friction c that the model has is in the bias forces beforehand, as c tanh(v / ``KNOWN_KNEE``):
+along the motion and below c, so that it moves no joint on its own.
 """
 
 from __future__ import annotations
@@ -90,7 +95,9 @@ class FrictionRecord(RecordOf):
     lowest: float  # estimate that there may be
     least: float  # lowest estimate of the feet that were loaded when one last did
     estimate: Vector  # (feet,) μ̂
-    proven: Vector = sized("feet")  # (feet,) ratio proven on the present foothold, with the margin taken off
+    proven: Vector = sized(
+        "feet"
+    )  # (feet,) ratio proven on the present foothold, with the margin taken off
     loaded: Vector = sized("feet")  # (feet,) 1 while a foot is looked at
     samples: Vector = sized("feet")  # (feet,) how many there were since it began
     velocity: Vector = sized("feet", 2)  # (feet, 2) low-passed, m/s
@@ -99,7 +106,9 @@ class FrictionRecord(RecordOf):
     loss: Vector = sized("feet")  # (feet,) low-passed power that friction takes, −f_t·v, W
 
 
-def friction_record(*, assumed: float, feet: int, period: float, on: bool = True) -> Records[FrictionRecord]:
+def friction_record(
+    *, assumed: float, feet: int, period: float, on: bool = True
+) -> Records[FrictionRecord]:
     """A new :class:`FrictionRecord`; arguments and errors as of
     :class:`~harpy_pin.controllers.governed.FrictionEstimator`."""
     assumed = checks.number("assumed friction", assumed, low=0.0, high=checks.MAX_FRICTION)
@@ -126,7 +135,9 @@ def forget_friction(record: Records[FrictionRecord]) -> None:
 
 
 @kernel
-def update_friction(p: FrictionRecord, foot_force: Vector, foot_velocity: Vector, held: Vector) -> None:
+def update_friction(
+    p: FrictionRecord, foot_force: Vector, foot_velocity: Vector, held: Vector
+) -> None:
     """Take one sample into account; see
     :meth:`~harpy_pin.controllers.governed.FrictionEstimator.update`, which checks the arrays."""
     least = np.inf
@@ -147,7 +158,9 @@ def update_friction(p: FrictionRecord, foot_force: Vector, foot_velocity: Vector
 
 @kernel
 def _filter(p: FrictionRecord, k: int, f: Vector, v: Vector) -> None:
-    """Low-pass the sample of a foot under load; a new foothold starts with the estimates of the other feet."""
+    """Low-pass the sample of a foot under load; a new foothold starts with the estimates of the
+    other feet.
+    """
     p.samples[k] += 1.0
     weight = max(p.weight, 1.0 / p.samples[k])  # at first the mean of all
     if p.loaded[k] == 0.0:
@@ -189,7 +202,9 @@ class JointFrictionEstimateRecord(RecordOf):
     known: int = ZERO  # 1 where the last tick is known
     velocity: Vector = sized("nv")  # (nv,) of the last tick
     force: Vector = sized("feet", 3)  # (feet, 3) of the last tick, N
-    inputs: Vector = sized("thrusts + joints")  # (thrust variables + joints,) [u; τ] of the last tick, N and N·m
+    inputs: Vector = sized(
+        "thrusts + joints"
+    )  # (thrust variables + joints,) [u; τ] of the last tick, N and N·m
     # (joints, 5) of squares and products: v v, v s, s s, v φ and s φ, with s = tanh(v / KNEE)
     sums: Vector = sized("joints", 5)
     viscous: Vector = sized("joints")  # (joints,) b, N·m·s/rad
@@ -205,8 +220,12 @@ def note_inputs(f: JointFrictionEstimateRecord, inputs: Vector) -> None:
 
 
 @kernel
-def add_joint_friction(f: JointFrictionEstimateRecord, d: DynamicsRecord, v: Vector, foot_force: Vector) -> None:
-    """Update the estimate with measured forces (feet, 3), N, and add it to the bias forces of the present state."""
+def add_joint_friction(
+    f: JointFrictionEstimateRecord, d: DynamicsRecord, v: Vector, foot_force: Vector
+) -> None:
+    """Update the estimate with measured forces (feet, 3), N, and add it to the bias forces of the
+    present state.
+    """
     size = f.force.size
     calm = np.all(abs(foot_force.reshape((size,)) - f.force.reshape((size,))) < IMPACT)
     f.force[:] = foot_force

@@ -1,4 +1,6 @@
-"""What the controllers of this package share: states of any form are converted, and bad samples are answered."""
+"""What the controllers of this package share: states of any form are converted, and bad samples are
+answered.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +17,16 @@ from numpy.typing import ArrayLike, NDArray
 from harpy_pin.controllers.parameters import GovernedParameters, WholeBodyParameters
 from harpy_pin.controllers.tick import BAD_SAMPLE, TickRecord
 from harpy_pin.errors import InputError
-from harpy_pin.gaits.gait import LONGEST, FullGait, Gait, GaitTarget, Unobserved, calls_of, check_target, own_target
+from harpy_pin.gaits.gait import (
+    LONGEST,
+    FullGait,
+    Gait,
+    GaitTarget,
+    Unobserved,
+    calls_of,
+    check_target,
+    own_target,
+)
 from harpy_pin.kernels import Kernel, kernel
 from harpy_pin.kernels.calls import Call, Chain
 from harpy_pin.model.entry import MISFIT, as_state
@@ -27,25 +38,28 @@ from harpy_pin.model.state import Command, State, Vector
 class GaitController(KeepsViews, ABC):
     """A controller that follows a gait.
 
-    A sample is bad where its time is not finite or beyond 1e9 s, where a measurement that the controller reads, or the
-    gait's target of the body at its time, is beyond ``MAX_SAMPLE`` = 1e6 in SI units, where a measurement is not
-    finite, or where the quaternion is not of unit length (0.7 to 1.4). For ``HOLD_TICKS`` = 20 bad samples in a row the
-    last good command is held, then it fades by ``FADE`` = 0.9 a tick. Nothing else of the controller moves meanwhile,
-    so the next good sample is answered as if the bad ones had never come; only joint targets begin anew.
+    A sample is bad where its time is not finite or beyond 1e9 s, where a measurement that the
+    controller reads, or the gait's target of the body at its time, is beyond ``MAX_SAMPLE`` = 1e6
+    in SI units, where a measurement is not finite, or where the quaternion is not of unit length
+    (0.7 to 1.4). For ``HOLD_TICKS`` = 20 bad samples in a row the last good command is held, then
+    it fades by ``FADE`` = 0.9 a tick. Nothing else of the controller moves meanwhile, so the next
+    good sample is answered as if the bad ones had never come; only joint targets begin anew.
 
-    Where several threads call one controller, a tick waits for another's end; they share its command.
+    Where several threads call one controller, a tick waits for another's end; they share its
+    command.
 
     Args:
-        gait: where body and feet should be; the controller takes its own copy of a library's gait, with targets of its
-            own, so that one gait may serve several controllers.
+        gait: where body and feet should be; the controller takes its own copy of a library's gait,
+            with targets of its own, so that one gait may serve several controllers.
         period: time between ticks, s.
 
     Attributes:
         target: the gait's targets of the last tick.
-        command: arrays of the torques and thrusts of the last tick, and of the motors' law where there is one;
-            overwritten by the next.
+        command: arrays of the torques and thrusts of the last tick, and of the motors' law where
+            there is one; overwritten by the next.
         acceleration: (nv,) of all coordinates that the last command intends, for
-            :meth:`~harpy_pin.estimation.estimator.Estimator.step`; None where a controller has none.
+            :meth:`~harpy_pin.estimation.estimator.Estimator.step`; None where a controller has
+            none.
     """
 
     _made_anew: ClassVar[tuple[str, ...]] = ("_step", "_parts", "_chain", "_lock")
@@ -66,7 +80,9 @@ class GaitController(KeepsViews, ABC):
         self.parameters, self.period = parameters, parameters.period
         self.target: GaitTarget = self.gait.target
         self._observe: Callable[[State], None] | None = getattr(self.gait, "observe", None)
-        self._gait_signals: Callable[[], Mapping[str, ArrayLike]] = getattr(self.gait, "telemetry", dict)
+        self._gait_signals: Callable[[], Mapping[str, ArrayLike]] = getattr(
+            self.gait, "telemetry", dict
+        )
         self._convert = False  # whether states come in a form that kernels do not take
 
     def _begin(self, record: Records[Any]) -> None:
@@ -98,7 +114,9 @@ class GaitController(KeepsViews, ABC):
 
     def __repr__(self) -> str:
         gait = type(self.gait).__name__
-        return f"{type(self).__name__}('{self.robot.name}', {gait}, period {1e3 * self.period:g} ms)"
+        return (
+            f"{type(self).__name__}('{self.robot.name}', {gait}, period {1e3 * self.period:g} ms)"
+        )
 
     def reset(self) -> None:
         """Forget the last command, and the bad samples."""
@@ -140,7 +158,9 @@ class GaitController(KeepsViews, ABC):
                 self._chain = self._chain or chain
 
     def _plan(self, state: State) -> GaitTarget:
-        """Targets of the gait at a state whose time is finite, checked where they are another object than before."""
+        """Targets of the gait at a state whose time is finite, checked where they are another
+        object than before.
+        """
         if self._observe is not None:
             self._observe(state)
         target = self.gait.update(state.t)
@@ -151,7 +171,8 @@ class GaitController(KeepsViews, ABC):
     def _tick(self, state: State) -> Command:
         """One tick: the gait's targets, then everything else.
 
-        A time at which no gait has targets is answered as a bad sample; so is all before a gait has seen a good one.
+        A time at which no gait has targets is answered as a bad sample; so is all before a gait has
+        seen a good one.
         """
         answer, target = self._answer_in_python if self._in_python else self._answer, None
         if -LONGEST < state.t < LONGEST:
@@ -174,7 +195,9 @@ class GaitController(KeepsViews, ABC):
         return self._step(self._record_, target, *self._measured(state), *self._parts)
 
     def _answer_in_python(self, target: Records[Any], state: State) -> int:
-        """Everything after the gait's targets, where a part of it is Python; returns the status of the tick."""
+        """Everything after the gait's targets, where a part of it is Python; returns the status of
+        the tick.
+        """
         raise NotImplementedError
 
     def telemetry(self) -> Mapping[str, ArrayLike]:
@@ -187,7 +210,8 @@ class GaitController(KeepsViews, ABC):
         return {"gait": dict(self.gait.describe()), "control": asdict(self.parameters)}
 
     def calls(self, state: State) -> tuple[Call, ...] | None:
-        """The kernels of a tick, for a loop in C (:mod:`harpy_pin.simulation.ticks`); None where Python takes part.
+        """The kernels of a tick, for a loop in C (:mod:`harpy_pin.simulation.ticks`); None where
+        Python takes part.
 
         Args:
             state: arrays of the measured state, which stay where they are.
@@ -196,15 +220,21 @@ class GaitController(KeepsViews, ABC):
         return None if calls is None else (*calls, Call(sample_fits, self._record_, expected=True))
 
     def _kernels(self, state: State) -> tuple[Call, ...] | None:
-        """The kernels of gait and controller; None where one of them does more, as a class of the user's may."""
+        """The kernels of gait and controller; None where one of them does more, as a class of the
+        user's may.
+        """
         calls = calls_of(self.gait, state)
         if calls is None or not type(self).__module__.startswith("harpy_pin."):
             return None
         measured = self._measured(state)
-        return *calls, Call(self._step, self._record_, self.target._record_, *measured, *self._parts)
+        return *calls, Call(
+            self._step, self._record_, self.target._record_, *measured, *self._parts
+        )
 
     def _join(self) -> None:
-        """Join the kernels of gait and controller, so that one crossing from Python calls all of them."""
+        """Join the kernels of gait and controller, so that one crossing from Python calls all of
+        them.
+        """
         self._chained = True
         if not self._in_python:
             self._chain = self._joined()
@@ -216,17 +246,27 @@ class GaitController(KeepsViews, ABC):
         if calls is None:
             return None
         measured = dict(zip(self.measured, self._measured(state), strict=True))
-        others = [getattr(state, name) for name in ("foot_position", "foot_velocity") if name not in measured]
+        others = [
+            getattr(state, name)
+            for name in ("foot_position", "foot_velocity")
+            if name not in measured
+        ]
         if any(one is array for call in calls for one in call.arguments for array in others):
             return None  # the gait takes more of a state than the controller does
         return Chain(calls, measured, longest=LONGEST)
 
     def _refuse_misfit(self, state: State) -> None:
-        """Raise where a sample was no bad one, but one of another robot, or the gait's targets are no numbers."""
+        """Raise where a sample was no bad one, but one of another robot, or the gait's targets are
+        no numbers.
+        """
         if self._verdict == MISFIT:
             as_state(state, self.robot)
             turns = all(isfinite(x) for x in self.target.body) and bool(self.target.heading[0])
-            message = "the gait turns, and this controller faces x" if turns else "the gait's targets are no numbers"
+            message = (
+                "the gait turns, and this controller faces x"
+                if turns
+                else "the gait's targets are no numbers"
+            )
             raise InputError(message, name="gait", value=self.gait)
 
 

@@ -1,4 +1,6 @@
-"""The paper's controller: gait → governor → thruster feedback, inverse kinematics, joint PID → contact-force filter."""
+"""The paper's controller: gait → governor → thruster feedback, inverse kinematics, joint PID →
+contact-force filter.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +13,12 @@ from numpy.typing import ArrayLike
 
 from harpy_pin import checks
 from harpy_pin.arguments import checked
-from harpy_pin.controllers.feedforward import FORWARD_STEPS, ForwardTickRecord, actuate_forward, forward_record
+from harpy_pin.controllers.feedforward import (
+    FORWARD_STEPS,
+    ForwardTickRecord,
+    actuate_forward,
+    forward_record,
+)
 from harpy_pin.controllers.friction import forget_friction, friction_record, update_friction
 from harpy_pin.controllers.gait_controller import GaitController
 from harpy_pin.controllers.governed_tick import STEPS, actuate, control_record, limit_bent, measure
@@ -34,31 +41,35 @@ from harpy_pin.model.state import State, Vector
 class GovernedController(GaitController):
     """Walks the paper's way.
 
-    ``step`` is one compiled call for the paper's governor, for the contact-force filter, and without either. For both
-    together, for a governor of your own and with an estimate of the friction, Python calls the same kernels one after
-    the other. A state whose time, q, v, foot positions or forces are not all finite numbers is a bad sample, which
-    :class:`~harpy_pin.controllers.gait_controller.GaitController` answers: it changes neither integrals nor references.
+    ``step`` is one compiled call for the paper's governor, for the contact-force filter, and
+    without either. For both together, for a governor of your own and with an estimate of the
+    friction, Python calls the same kernels one after the other. A state whose time, q, v, foot
+    positions or forces are not all finite numbers is a bad sample, which
+    :class:`~harpy_pin.controllers.gait_controller.GaitController` answers: it changes neither
+    integrals nor references.
 
     Args:
-        gait: where body and feet should be; the controller takes its own copy of a library's gait, with targets of its
-            own, so that one gait may serve several controllers.
+        gait: where body and feet should be; the controller takes its own copy of a library's gait,
+            with targets of its own, so that one gait may serve several controllers.
         governor: changes the body's reference for the thrusters; None applies it as it is.
         parameters: gains and switches.
-        force_filter: changes the thrusts and joint torques that follow, for the contact forces of the full model.
+        force_filter: changes the thrusts and joint torques that follow, for the contact forces of
+            the full model.
 
     Attributes:
         target: the gait's targets of the last tick.
         reference: (6,) x_r of the last tick.
         applied: (6,) x_w of the last tick, before the contact-force filter.
-        bent: (6,) x_w of the last tick after it: the reference of least change for which the thruster feedback gives
-            the total thrust applied.
-        out_of_reach: (2,) distance by which each foot target was out of reach in the last tick, m (then the leg goes
-            to the nearest point).
-        friction: the estimate of the friction coefficient, which the governors take; None without one.
+        bent: (6,) x_w of the last tick after it: the reference of least change for which the
+            thruster feedback gives the total thrust applied.
+        out_of_reach: (2,) distance by which each foot target was out of reach in the last tick, m
+            (then the leg goes to the nearest point).
+        friction: the estimate of the friction coefficient, which the governors take; None without
+            one.
 
     Raises:
-        InputError: a robot with other joints than those of two legs of Harpy's kind, a commanded gait, or the friction
-            is to be estimated and no governor takes it.
+        InputError: a robot with other joints than those of two legs of Harpy's kind, a commanded
+            gait, or the friction is to be estimated and no governor takes it.
     """
 
     _made_anew = (*GaitController._made_anew, "_actuate")
@@ -83,15 +94,21 @@ class GovernedController(GaitController):
             raise InputError(message, name="gait", value=gait)
         super().__init__(gait, p)
         if len(self.robot.joints) != 6:
-            raise InputError(f"this controller moves 6 joints, '{self.robot.name}' has {len(self.robot.joints)}")
+            raise InputError(
+                f"this controller moves 6 joints, '{self.robot.name}' has {len(self.robot.joints)}"
+            )
         self._governor, self._force_filter = governor, force_filter
         self._assumed = _assumed_friction(governor, force_filter) if p.estimate_friction else []
         self.friction: FrictionEstimator | None = None
         if p.estimate_friction:
             assumed = max(float(value.max()) / share for value, share in self._assumed)
-            self.friction = FrictionEstimator(assumed=assumed, feet=len(self.robot.feet), period=p.period)
+            self.friction = FrictionEstimator(
+                assumed=assumed, feet=len(self.robot.feet), period=p.period
+            )
         if p.legs == "feedforward":
-            record = control_record(p, self.robot, ForwardTickRecord, forward=forward_record(self.gait, p.feedforward))
+            record = control_record(
+                p, self.robot, ForwardTickRecord, forward=forward_record(self.gait, p.feedforward)
+            )
         else:
             record = control_record(p, self.robot)
         self._begin(record)
@@ -100,7 +117,10 @@ class GovernedController(GaitController):
         self.bent: Vector = field(record, "bent")
         self.out_of_reach: Vector = field(record, "out_of_reach")
         self._seen = field(record, "measured")
-        self._signals |= {"joint_target": field(record, "joint_target"), "out_of_reach": self.out_of_reach}
+        self._signals |= {
+            "joint_target": field(record, "joint_target"),
+            "out_of_reach": self.out_of_reach,
+        }
         self._signals["centre_of_pressure"] = self._seen[6:]
         if self.friction is not None:
             self._signals["friction_estimate"] = self.friction.estimate
@@ -110,19 +130,29 @@ class GovernedController(GaitController):
         self.reset()
 
     def _make_anew(self) -> None:
-        """See :meth:`GaitController._make_anew`: one kernel for this library's own governors, one at a time."""
+        """See :meth:`GaitController._make_anew`: one kernel for this library's own governors, one
+        at a time.
+        """
         super()._make_anew()
         governor, force_filter = self._governor, self._force_filter
         forward = "forward" in (self._record_.dtype.names or ())
         steps = FORWARD_STEPS if forward else STEPS
         self._actuate = actuate_forward if forward else actuate
-        self._step, self._parts, joined = steps["none"], (), governor is None and force_filter is None
+        self._step, self._parts, joined = (
+            steps["none"],
+            (),
+            governor is None and force_filter is None,
+        )
         if type(governor) is ExplicitReferenceGovernor and isinstance(governor.rows, ForceRows):
             self._step, self._parts = steps["paper"], (governor._record, governor.rows._record_)
             joined = force_filter is None
         elif type(force_filter) is ContactForceFilter and governor is None:
             self._step, joined = steps["filter"], True
-            self._parts = (force_filter.dynamics._record_, force_filter._terms_, force_filter._record_)
+            self._parts = (
+                force_filter.dynamics._record_,
+                force_filter._terms_,
+                force_filter._record_,
+            )
         self._in_python = not joined or self.friction is not None
 
     def _prepare(self) -> None:
@@ -133,7 +163,9 @@ class GovernedController(GaitController):
             self._step.prepare(record, target, *measured, *self._parts)
             return
         measure.prepare(record, target, *measured)
-        self._actuate.prepare(record, target, self.applied, example.q, example.v, example.foot_force)
+        self._actuate.prepare(
+            record, target, self.applied, example.q, example.v, example.foot_force
+        )
         if self._force_filter is not None:
             limit_bent.prepare(record, self.applied, self._force_filter.bend)
 
@@ -159,7 +191,9 @@ class GovernedController(GaitController):
         return self._force_filter
 
     def reset(self) -> None:
-        """Forget the integrals and the last command; the applied reference restarts at the target."""
+        """Forget the integrals and the last command; the applied reference restarts at the
+        target.
+        """
         super().reset()
         for name in ("integral", "started"):
             self._record_[name] = 0
@@ -191,21 +225,31 @@ class GovernedController(GaitController):
         return 0
 
     def _estimate(self, friction: FrictionEstimator, state: State) -> None:
-        """Estimate the friction for the governors: each foot's where they know feet, else the lowest."""
+        """Estimate the friction for the governors: each foot's where they know feet, else the
+        lowest.
+        """
         force, velocity = state.foot_force, state.foot_velocity
         if self._record_["tilted"][0]:
-            force, velocity = (in_contact_frames(self.target.normal, vectors) for vectors in (force, velocity))
+            force, velocity = (
+                in_contact_frames(self.target.normal, vectors) for vectors in (force, velocity)
+            )
         friction.update(force, velocity, self.target.stance)
         for assumed, share in self._assumed:
             assumed[:] = share * (friction.estimate if len(assumed) > 1 else friction.least)
 
     def telemetry(self) -> Mapping[str, ArrayLike]:
         """x_r, x_w, planned stance, joint targets, and the governors' rows."""
-        signals = {**super().telemetry(), "x_w": self.applied if self._force_filter is None else self.bent}
+        signals = {
+            **super().telemetry(),
+            "x_w": self.applied if self._force_filter is None else self.bent,
+        }
         if self._governor is not None:
             signals |= self._governor.status.signals()
         if self._force_filter is not None:
-            signals |= {f"contact_{name}": signal for name, signal in self._force_filter.status.signals().items()}
+            signals |= {
+                f"contact_{name}": signal
+                for name, signal in self._force_filter.status.signals().items()
+            }
         return signals
 
     def describe(self) -> Mapping[str, Any]:
@@ -213,7 +257,10 @@ class GovernedController(GaitController):
         governor, force_filter = self.governor, self.force_filter
         return {
             **super().describe(),
-            "governor": " + ".join(type(g).__name__ for g in (governor, force_filter) if g is not None) or "none",
+            "governor": " + ".join(
+                type(g).__name__ for g in (governor, force_filter) if g is not None
+            )
+            or "none",
             "force_filter": asdict(force_filter.parameters) if force_filter is not None else "none",
             "rows": list(governor.status.names) if governor is not None else [],
         }
@@ -221,7 +268,8 @@ class GovernedController(GaitController):
 
 @fixed_arrays("estimate", "least", "record")
 class FrictionEstimator(KeepsViews):
-    """The estimate of the friction coefficient for every foot of a robot (:mod:`harpy_pin.controllers.friction`).
+    """The estimate of the friction coefficient for every foot of a robot
+    (:mod:`harpy_pin.controllers.friction`).
 
     Args:
         assumed: coefficient that the estimate begins with and never exceeds.
@@ -241,7 +289,9 @@ class FrictionEstimator(KeepsViews):
         self.estimate: Vector = field(self.record, "estimate")
         self.least: Vector = self.record["least"]
         self._feet = (len(self.estimate), 3)
-        update_friction.prepare(self.record, np.zeros(self._feet), np.zeros(self._feet), np.zeros(self._feet[0]))
+        update_friction.prepare(
+            self.record, np.zeros(self._feet), np.zeros(self._feet), np.zeros(self._feet[0])
+        )
         self.reset()
 
     def reset(self) -> None:
@@ -254,7 +304,8 @@ class FrictionEstimator(KeepsViews):
         Args:
             foot_force: (feet, 3) measured force of the ground on each foot, world axes, N.
             foot_velocity: (feet, 3) measured velocity of each foot, world axes, m/s.
-            held: (feet,) other than zero where a foot is meant to stand on the ground; others are not looked at.
+            held: (feet,) other than zero where a foot is meant to stand on the ground; others are
+                not looked at.
 
         Returns:
             (feet,) μ̂, the array :attr:`estimate` itself.
@@ -268,11 +319,19 @@ class FrictionEstimator(KeepsViews):
         return self.estimate
 
 
-def _assumed_friction(governor: Governor | None, force_filter: ContactForceFilter | None) -> list[tuple[Vector, float]]:
-    """The friction coefficients of governors, as arrays to write to, and the share of the assumed one that each is."""
+def _assumed_friction(
+    governor: Governor | None, force_filter: ContactForceFilter | None
+) -> list[tuple[Vector, float]]:
+    """The friction coefficients of governors, as arrays to write to, and the share of the assumed
+    one that each is.
+    """
     parts = (governor, getattr(governor, "rows", None), force_filter)
-    found = [(getattr(part, "friction", None), getattr(part, "friction_share", 1.0)) for part in parts]
+    found = [
+        (getattr(part, "friction", None), getattr(part, "friction_share", 1.0)) for part in parts
+    ]
     assumed = [(friction, share) for friction, share in found if friction is not None]
     if not assumed:
-        raise InputError("an estimate of the friction needs a governor that takes it", name="estimate_friction")
+        raise InputError(
+            "an estimate of the friction needs a governor that takes it", name="estimate_friction"
+        )
     return assumed

@@ -1,4 +1,6 @@
-"""The tick of the governed controller: its legs, the parts that its phases call, and one kernel for each governor."""
+"""The tick of the governed controller: its legs, the parts that its phases call, and one kernel for
+each governor.
+"""
 
 from __future__ import annotations
 
@@ -13,12 +15,26 @@ from harpy_pin.governors.contact_force_kernels import ContactForceFilterRecord, 
 from harpy_pin.governors.erg import ErgRecord, governed_update
 from harpy_pin.governors.point_mass import Law
 from harpy_pin.governors.rows import ForceRowsRecord
-from harpy_pin.governors.thrust import CentreGainsRecord, allocate, centre_feedback, limit_thrust, roll_yaw
+from harpy_pin.governors.thrust import (
+    CentreGainsRecord,
+    allocate,
+    centre_feedback,
+    limit_thrust,
+    roll_yaw,
+)
 from harpy_pin.ground.contact_frame import is_level
 from harpy_pin.kernels import Kernel, kernel
 from harpy_pin.model.contact_map import ContactMapRecord
 from harpy_pin.model.dynamics import DynamicsRecord
-from harpy_pin.model.entry import BAD, GOOD, MISFIT, all_finite, all_possible, all_possible_rows, is_unit
+from harpy_pin.model.entry import (
+    BAD,
+    GOOD,
+    MISFIT,
+    all_finite,
+    all_possible,
+    all_possible_rows,
+    is_unit,
+)
 from harpy_pin.model.kinematics import LegGeometry, LegRecord, leg_inverse, leg_jacobian
 from harpy_pin.model.record import ZERO, RecordOf, Records, fields, make_record, sized
 from harpy_pin.model.robot import Robot
@@ -31,7 +47,9 @@ MAX_JOINT_RATE = 20.0
 
 
 class ControlRecord(CentreGainsRecord, TickRecord):
-    """Settings, state and command of :class:`~harpy_pin.controllers.governed.GovernedController`, for kernels."""
+    """Settings, state and command of :class:`~harpy_pin.controllers.governed.GovernedController`,
+    for kernels.
+    """
 
     period: float  # between ticks, s
     reference_velocity: int  # whether x_r has the velocity ċ_t
@@ -74,7 +92,10 @@ class FilterTickRecord(RecordOf):
 
 
 def control_record(
-    parameters: GovernedParameters, robot: Robot, kind: type[ControlRecord] = ControlRecord, **parts: ArrayLike
+    parameters: GovernedParameters,
+    robot: Robot,
+    kind: type[ControlRecord] = ControlRecord,
+    **parts: ArrayLike,
 ) -> Records[ControlRecord]:
     """A new :class:`ControlRecord`, or one of another ``kind`` with further parts."""
     p, joints = parameters, parameters.joints
@@ -102,9 +123,16 @@ def control_record(
 
 @kernel
 def measure(
-    p: ControlRecord, goal: GaitTargetRecord, q: Vector, v: Vector, foot_position: Vector, foot_force: Vector
+    p: ControlRecord,
+    goal: GaitTargetRecord,
+    q: Vector,
+    v: Vector,
+    foot_position: Vector,
+    foot_force: Vector,
 ) -> int:
-    """Evaluate a sample; after a bad one the last command stays, and fades. Returns what the sample is."""
+    """Evaluate a sample; after a bad one the last command stays, and fades. Returns what the sample
+    is.
+    """
     p.verdict = _measure(p, goal, q, v, foot_position, foot_force)
     factor = fading(p)
     if p.verdict != GOOD:
@@ -115,11 +143,23 @@ def measure(
 
 @kernel
 def _measure(
-    p: ControlRecord, goal: GaitTargetRecord, q: Vector, v: Vector, foot_position: Vector, foot_force: Vector
+    p: ControlRecord,
+    goal: GaitTargetRecord,
+    q: Vector,
+    v: Vector,
+    foot_position: Vector,
+    foot_force: Vector,
 ) -> int:
-    """x_r, [c; ċ; u] and the body's rotation; u is held while no foot is loaded. Returns what the sample is."""
+    """x_r, [c; ċ; u] and the body's rotation; u is held while no foot is loaded. Returns what the
+    sample is.
+    """
     measured, rotation = p.measured, p.rotation
-    if q.shape != (13,) or v.shape != (12,) or foot_position.shape != (2, 3) or foot_force.shape != (2, 3):
+    if (
+        q.shape != (13,)
+        or v.shape != (12,)
+        or foot_position.shape != (2, 3)
+        or foot_force.shape != (2, 3)
+    ):
         return MISFIT
     if not (all_possible(q) and all_possible(v) and is_unit(q)):
         return BAD
@@ -145,11 +185,17 @@ def _measure(
 
 
 @kernel
-def track_foot(k: int, p: ControlRecord, leg: LegRecord, goal: GaitTargetRecord, q: Vector, v: Vector) -> None:
+def track_foot(
+    k: int, p: ControlRecord, leg: LegRecord, goal: GaitTargetRecord, q: Vector, v: Vector
+) -> None:
     """Inverse kinematics and joint PID of leg k."""
     point, motion, jacobian, j = np.empty(3), np.empty(3), np.empty((3, 3)), 3 * k
     _to_body(k, p, goal, v[3:6], point, motion)
-    target, integral, limit = p.joint_target[j : j + 3], p.integral[j : j + 3], p.torque_limit[j : j + 3]
+    target, integral, limit = (
+        p.joint_target[j : j + 3],
+        p.integral[j : j + 3],
+        p.torque_limit[j : j + 3],
+    )
     p.out_of_reach[k] = leg_inverse(leg, point, target)
     leg_jacobian(leg, target, jacobian)
     rate = np.where(p.out_of_reach[k] > 0.0, 0.0, solve_three(jacobian, motion))
@@ -162,13 +208,19 @@ def track_foot(k: int, p: ControlRecord, leg: LegRecord, goal: GaitTargetRecord,
 
 
 @kernel
-def _to_body(k: int, p: ControlRecord, goal: GaitTargetRecord, spin: Vector, point: Vector, motion: Vector) -> None:
+def _to_body(
+    k: int, p: ControlRecord, goal: GaitTargetRecord, spin: Vector, point: Vector, motion: Vector
+) -> None:
     """The target of foot k in body axes, and its rate at constant ``world_frame_blend``.
 
-    A stance foot (blend 0) follows its target in body axes: p. A swing foot (blend 1) follows it in the world, so that
-    it lands where and when it should: Rᵀ (c_t + p − c).
+    A stance foot (blend 0) follows its target in body axes: p. A swing foot (blend 1) follows it in
+    the world, so that it lands where and when it should: Rᵀ (c_t + p − c).
     """
-    position, velocity, blend = goal.foot_position[k], goal.foot_velocity[k], goal.world_frame_blend[k]
+    position, velocity, blend = (
+        goal.foot_position[k],
+        goal.foot_velocity[k],
+        goal.world_frame_blend[k],
+    )
     place = p.rotation.T @ (goal.body[:3] + position - p.measured[:3])
     moving = p.rotation.T @ (goal.body[3:6] + velocity - p.measured[3:6]) - np.cross(spin, place)
     point[:] = (1.0 - blend) * position + blend * place
@@ -186,7 +238,12 @@ def solve_three(a: Vector, b: Vector) -> Vector:
 
 @kernel
 def actuate(
-    p: ControlRecord, goal: GaitTargetRecord, applied: Vector, q: Vector, v: Vector, foot_force: Vector
+    p: ControlRecord,
+    goal: GaitTargetRecord,
+    applied: Vector,
+    q: Vector,
+    v: Vector,
+    foot_force: Vector,
 ) -> None:
     """The command: thrusts from the applied reference, torques from the gait's feet."""
     thrusts(p, applied, v)
@@ -207,8 +264,9 @@ def thrusts(p: ControlRecord, applied: Vector, v: Vector) -> None:
 
 @kernel
 def limit_bent(p: ControlRecord, applied: Vector, bend: Vector) -> None:
-    """Limit the changed command, and move x_w, by the least norm, to where K_p e + K_d ė grows by the change of the
-    total thrust."""
+    """Limit the changed command, and move x_w, by the least norm, to where K_p e + K_d ė grows by
+    the change of the total thrust.
+    """
     squared = p.k_pt * p.k_pt + p.k_dt * p.k_dt
     change = np.where(squared > 0.0, (bend[:3] + bend[3:6]) / squared, 0.0)
     p.bent[:3] = applied[:3] + p.k_pt * change
@@ -218,13 +276,22 @@ def limit_bent(p: ControlRecord, applied: Vector, bend: Vector) -> None:
 
 
 def steps_of(actuate: Kernel[None]) -> dict[str, Kernel[int]]:
-    """The kernels of a tick by governor, with a kernel that writes the command of an applied reference."""
+    """The kernels of a tick by governor, with a kernel that writes the command of an applied
+    reference.
+    """
 
     @kernel
     def plain_step(
-        r: ControlRecord, target: GaitTargetRecord, q: Vector, v: Vector, foot_position: Vector, foot_force: Vector
+        r: ControlRecord,
+        target: GaitTargetRecord,
+        q: Vector,
+        v: Vector,
+        foot_position: Vector,
+        foot_force: Vector,
     ) -> int:
-        """A tick without a governor: thruster law, inverse kinematics, joint PID; returns its status."""
+        """A tick without a governor: thruster law, inverse kinematics, joint PID; returns its
+        status.
+        """
         if measure(r, target, q, v, foot_position, foot_force) != GOOD:
             return BAD_SAMPLE
         actuate(r, target, r.reference, q, v, foot_force)
@@ -264,7 +331,9 @@ def steps_of(actuate: Kernel[None]) -> dict[str, Kernel[int]]:
         terms: ContactMapRecord,
         governor: ContactForceFilterRecord,
     ) -> int:
-        """A tick without that governor, in front of the contact-force filter; returns its status."""
+        """A tick without that governor, in front of the contact-force filter; returns its
+        status.
+        """
         if measure(r, target, q, v, foot_position, foot_force) != GOOD:
             return BAD_SAMPLE
         state = update_terms(dynamics, q, v)
@@ -284,7 +353,12 @@ _PAPER, _CONTACT = STEPS["paper"], STEPS["filter"]
 
 @kernel
 def paper_step(
-    r: PaperTickRecord, target: GaitTargetRecord, q: Vector, v: Vector, foot_position: Vector, foot_force: Vector
+    r: PaperTickRecord,
+    target: GaitTargetRecord,
+    q: Vector,
+    v: Vector,
+    foot_position: Vector,
+    foot_force: Vector,
 ) -> int:
     """The tick with the paper's governor, on one record."""
     return _PAPER(r.control, target, q, v, foot_position, foot_force, r.governor, r.rows)
@@ -292,7 +366,14 @@ def paper_step(
 
 @kernel
 def contact_step(
-    r: FilterTickRecord, target: GaitTargetRecord, q: Vector, v: Vector, foot_position: Vector, foot_force: Vector
+    r: FilterTickRecord,
+    target: GaitTargetRecord,
+    q: Vector,
+    v: Vector,
+    foot_position: Vector,
+    foot_force: Vector,
 ) -> int:
     """The tick with the contact-force filter, on one record."""
-    return _CONTACT(r.control, target, q, v, foot_position, foot_force, r.dynamics, r.terms, r.governor)
+    return _CONTACT(
+        r.control, target, q, v, foot_position, foot_force, r.dynamics, r.terms, r.governor
+    )

@@ -1,15 +1,17 @@
 """Joint targets for motors that close a loop of their own, from the accelerations of the optimum.
 
-A motor adds k_p (q* − q) + k_d (q̇* − q̇) to the torque that it is given, much faster than a controller ticks
-(:class:`harpy_pin.model.state.Command`). The targets are the motion that the optimum intends. Its joint accelerations a
-are integrated over ticks of length h, with a leak λ towards what is measured,
+A motor adds k_p (q* − q) + k_d (q̇* − q̇) to the torque that it is given, much faster than a
+controller ticks (:class:`harpy_pin.model.state.Command`). The targets are the motion that the
+optimum intends. Its joint accelerations a are integrated over ticks of length h, with a leak λ
+towards what is measured,
 
     q* ← q* + h q̇* + ½ h² a + ρ (q − q*),    q̇* ← q̇* + h a + ρ (q̇ − q̇*),    ρ = 1 − e^(−λ h).
 
-These are the targets at the beginning of a tick. A motor holds what it is given until the next one, so the command has
-them half a tick later, q* + ½ h q̇* + ⅛ h² a and q̇* + ½ h a. Where the robot moves as intended, motors add next to
-nothing: q* − q comes from the change of accelerations within a tick alone. Where it does not, the difference is what it
-lags behind the intended motion over some 1/λ: the leak keeps targets from drifting away.
+These are the targets at the beginning of a tick. A motor holds what it is given until the next one,
+so the command has them half a tick later, q* + ½ h q̇* + ⅛ h² a and q̇* + ½ h a. Where the robot
+moves as intended, motors add next to nothing: q* − q comes from the change of accelerations within
+a tick alone. Where it does not, the difference is what it lags behind the intended motion over some
+1/λ: the leak keeps targets from drifting away.
 
 **What the model lacks of the joints.** Few files have the inertia that a motor's rotor adds to its
 joint, the armature. Without it swing legs come late, the more so the faster they swing, and the
@@ -24,12 +26,14 @@ where y is a and q̇, low-passed with the leak, ⟨y²⟩ its mean over some 1/�
 that hardly moves. The error q̇* − q̇ is that of the acceleration over λ, low-passed alike. A leg
 whose foot is held does not learn, since its error is that of the contact.
 
-At the first tick, and after one without a solution or with a bad sample, targets start at the measured state. In a tick
-without a solution they are the measured motion; with bad samples they stay, and the gains fade as the torques do.
+At the first tick, and after one without a solution or with a bad sample, targets start at the
+measured state. In a tick without a solution they are the measured motion; with bad samples they
+stay, and the gains fade as the torques do.
 
-Gains are the same for all joints: stiffness in units of m g l / 4, with the robot's mass m and the length l of its leg,
-damping in the same times √(l/g). A light joint, such as a wrist, has smaller ones, by which its damping alone would
-stop it at a rate of :data:`MAX_RATE`; it could not be faster than some physics steps anyway.
+Gains are the same for all joints: stiffness in units of m g l / 4, with the robot's mass m and the
+length l of its leg, damping in the same times √(l/g). A light joint, such as a wrist, has smaller
+ones, by which its damping alone would stop it at a rate of :data:`MAX_RATE`; it could not be faster
+than some physics steps anyway.
 """
 
 from __future__ import annotations
@@ -59,7 +63,9 @@ MAX_RATE = 500.0
 STILL = 0.2
 """Acceleration and velocity y₀, in g / leg and √(g / leg)."""
 MOST_LACKING = 0.5
-"""Largest inertia and damping that are learned, in units of a stiffness of one times leg / g and √(leg / g)."""
+"""Largest inertia and damping that are learned, in units of a stiffness of one times leg / g and
+√(leg / g).
+"""
 
 
 class JointTargetsRecord(RecordOf):
@@ -83,7 +89,9 @@ class JointTargetsRecord(RecordOf):
     acceleration: Vector = sized("nv")  # that a solution of the whole-body QP brings about
 
 
-def joint_targets_record(robot: Robot, p: WholeBodyParameters, posture: Vector) -> Records[JointTargetsRecord] | None:
+def joint_targets_record(
+    robot: Robot, p: WholeBodyParameters, posture: Vector
+) -> Records[JointTargetsRecord] | None:
     """What the motors of a robot are to be given; None where they are to have no law.
 
     Args:
@@ -114,16 +122,25 @@ def joint_targets_record(robot: Robot, p: WholeBodyParameters, posture: Vector) 
 
 
 def _units(robot: Robot, posture: Vector) -> Vector:
-    """Of stiffness, damping and inertia (3,), N·m/rad, N·m·s/rad and kg·m²: m g l / 4 times 1, √(l/g) and l/g."""
+    """Of stiffness, damping and inertia (3,), N·m/rad, N·m·s/rad and kg·m²: m g l / 4 times 1,
+    √(l/g) and l/g.
+    """
     leg = build_of(robot, posture).leg
     return np.array(0.25 * robot.mass * GRAVITY * leg * np.sqrt(leg / GRAVITY) ** np.arange(3))
 
 
 def joint_gains(robot: Robot, p: WholeBodyParameters, posture: Vector) -> Vector:
-    """Stiffness and damping of each joint (2, joints); arguments and errors as of :func:`joint_targets_record`."""
+    """Stiffness and damping of each joint (2, joints); arguments and errors as of
+    :func:`joint_targets_record`.
+    """
     model = robot.model
-    if not robot.feet or any(model.frames[robot.frame_id(foot)].parentJoint < 2 for foot in robot.feet):
-        message = f"joint_stiffness and joint_damping are in units of a leg's length, and '{robot.name}' has no legs"
+    if not robot.feet or any(
+        model.frames[robot.frame_id(foot)].parentJoint < 2 for foot in robot.feet
+    ):
+        message = (
+            f"joint_stiffness and joint_damping are in units of a leg's length, and "
+            f"'{robot.name}' has no legs"
+        )
         raise InputError(message, name="joint_stiffness", value=p.joint_stiffness)
     stiffness, damping, _ = _units(robot, posture)
     inertia = 1.0 / np.diag(pin.computeMinverse(model, model.createData(), posture))[6:]
@@ -133,12 +150,18 @@ def joint_gains(robot: Robot, p: WholeBodyParameters, posture: Vector) -> Vector
 
 @kernel
 def add_lacking(
-    m: JointTargetsRecord, held: Vector, acceleration: Vector, usable: bool, v: Vector, torque: Vector
+    m: JointTargetsRecord,
+    held: Vector,
+    acceleration: Vector,
+    usable: bool,
+    v: Vector,
+    torque: Vector,
 ) -> None:
     """Learn what the joints lack, and add it to the torques (joints,), within their limits; before
     :func:`move_targets`.
 
-    It is learned by joints that move no ``held`` foot, from the error of the last tick's targets; arguments as there.
+    It is learned by joints that move no ``held`` foot, from the error of the last tick's targets;
+    arguments as there.
     """
     joints = m.gains.shape[1]
     measured = v[6 : 6 + joints]
@@ -154,14 +177,19 @@ def add_lacking(
     a = np.where(usable, acceleration[6 : 6 + joints], 0.0)
     m.motion[0] += m.share * (a - m.motion[0])
     m.motion[1] += m.share * (measured - m.motion[1])
-    torque[:joints] = np.clip(torque[:joints] + m.lacking[0] * a + m.lacking[1] * speed, -m.limit, m.limit)
+    torque[:joints] = np.clip(
+        torque[:joints] + m.lacking[0] * a + m.lacking[1] * speed, -m.limit, m.limit
+    )
 
 
 @kernel
-def move_targets(m: JointTargetsRecord, acceleration: Vector, usable: bool, q: Vector, v: Vector) -> None:
+def move_targets(
+    m: JointTargetsRecord, acceleration: Vector, usable: bool, q: Vector, v: Vector
+) -> None:
     """The law of this tick, and the targets at the beginning of the next.
 
-    They follow the acceleration (nv,) of the optimum, where it is ``usable``, from the measured q (nq,) and v (nv,).
+    They follow the acceleration (nv,) of the optimum, where it is ``usable``, from the measured q
+    (nq,) and v (nv,).
     """
     h, s = m.period, m.lead
     fresh, joints = m.follows == 0 or not usable, m.gains.shape[1]

@@ -11,7 +11,13 @@ from harpy_pin import checks
 from harpy_pin.arguments import checked
 from harpy_pin.controllers.condensed import CondensedController
 from harpy_pin.controllers.governed import GovernedController
-from harpy_pin.controllers.parameters import JOINT_TARGETS, MAX_FORCE, GovernedParameters, WholeBodyParameters, changed
+from harpy_pin.controllers.parameters import (
+    JOINT_TARGETS,
+    MAX_FORCE,
+    GovernedParameters,
+    WholeBodyParameters,
+    changed,
+)
 from harpy_pin.controllers.whole_body import WholeBodyController
 from harpy_pin.errors import InputError
 from harpy_pin.gaits.fitting import GRAVITY
@@ -27,9 +33,13 @@ from harpy_pin.simulation.mujoco.bridge import MujocoBridge
 from harpy_pin.wbc import WholeBodyWeights
 
 CONTROLLERS = ("governed", "wbc", "condensed")
-"""The paper's controller with a governor, the whole-body QP (by ProxQP by default), and the condensed controller."""
+"""The paper's controller with a governor, the whole-body QP (by ProxQP by default), and the
+condensed controller.
+"""
 GOVERNORS = ("none", "paper", "filter")
-"""Governors of the walk: ``paper`` changes the body's reference; ``filter``, the contact-force filter, the command."""
+"""Governors of the walk: ``paper`` changes the body's reference; ``filter``, the contact-force
+filter, the command.
+"""
 
 
 @checked
@@ -42,7 +52,8 @@ def make_governor(
     gains: CentreGains | None = None,
     parameters: Mapping[str, Any] | None = None,
 ) -> Governor | None:
-    """A governor of the 3D walk by name, with the paper's rates and least normal force unless said otherwise.
+    """A governor of the 3D walk by name, with the paper's rates and least normal force unless said
+    otherwise.
 
     Args:
         name: ``paper``, or ``none``, which gives none.
@@ -53,8 +64,8 @@ def make_governor(
         parameters: of the governor, see :func:`make_governor_parameters`.
 
     Raises:
-        InputError: unknown name, evaluate_at or parameter, a number out of its domain, or a robot that weighs less than
-            the paper's least normal force where no other is given.
+        InputError: unknown name, evaluate_at or parameter, a number out of its domain, or a robot
+            that weighs less than the paper's least normal force where no other is given.
     """
     if name == "filter":
         raise InputError(
@@ -66,9 +77,19 @@ def make_governor(
     settings = make_governor_parameters(name, mu=mu, changes=parameters)
     if not isinstance(settings, PaperGovernorParameters):
         return None
-    if "min_normal_force" not in (parameters or {}) and settings.min_normal_force >= GRAVITY * robot.mass:
-        message = f"the paper's least normal force, {settings.min_normal_force:g} N, is more than '{robot.name}' weighs"
-        raise InputError(f"{message}: give one by parameters={{'min_normal_force': ...}}", name="robot", value=robot)
+    if (
+        "min_normal_force" not in (parameters or {})
+        and settings.min_normal_force >= GRAVITY * robot.mass
+    ):
+        message = (
+            f"the paper's least normal force, {settings.min_normal_force:g} N, is more than "
+            f"'{robot.name}' weighs"
+        )
+        raise InputError(
+            f"{message}: give one by parameters={{'min_normal_force': ...}}",
+            name="robot",
+            value=robot,
+        )
     of_governor = asdict(settings)
     of_rows = {key: of_governor.pop(key) for key in ("friction_share", "min_normal_force")}
     rows = ForceRows(mass=robot.mass, mu=mu, gains=gains, evaluate_at=evaluate_at, **of_rows)
@@ -76,11 +97,17 @@ def make_governor(
 
 
 @overload
-def make_controller(name: Literal["governed"], gait: Gait, *, mu: float, **settings: Any) -> GovernedController: ...
+def make_controller(
+    name: Literal["governed"], gait: Gait, *, mu: float, **settings: Any
+) -> GovernedController: ...
 @overload
-def make_controller(name: Literal["wbc"], gait: Gait, *, mu: float, **settings: Any) -> WholeBodyController: ...
+def make_controller(
+    name: Literal["wbc"], gait: Gait, *, mu: float, **settings: Any
+) -> WholeBodyController: ...
 @overload
-def make_controller(name: Literal["condensed"], gait: Gait, *, mu: float, **settings: Any) -> CondensedController: ...
+def make_controller(
+    name: Literal["condensed"], gait: Gait, *, mu: float, **settings: Any
+) -> CondensedController: ...
 @overload
 def make_controller(
     name: str, gait: Gait, *, mu: float, **settings: Any
@@ -102,20 +129,24 @@ def make_controller(
         name: one of :data:`CONTROLLERS`.
         gait: targets of body and feet; also gives the robot.
         mu: friction coefficient that the controller assumes.
-        governor: of the governed controller, one of :data:`GOVERNORS`, ``paper`` by default; the whole-body controllers
-            have none.
+        governor: of the governed controller, one of :data:`GOVERNORS`, ``paper`` by default; the
+            whole-body controllers have none.
         period: time between ticks, s; by default that of a step of the bridge's model, or 1 ms.
-        bridge: to the MuJoCo simulation in which it walks. There the whole-body controllers give joint targets, too,
-            for motors to hold (:data:`~harpy_pin.controllers.parameters.JOINT_TARGETS`), because torques alone fall in
-            many models of others. Torques alone are ``joint_stiffness=0.0, joint_damping=0.0``. Geoms of the robot that
-            push each other apart where it stands (:meth:`MujocoBridge.self_contacts`) are said by a ``UserWarning``.
-        settings: others that differ from those that fit gait and robot (:meth:`WholeBodyParameters.for_gait`), by the
-            names of :class:`WholeBodyParameters`, or for the governed controller from the defaults of
-            :class:`GovernedParameters`, with ``evaluate_at`` and ``governor_parameters`` (see :func:`make_governor`);
-            those of a record inside as a mapping, such as ``weights={"swing": 0.5}``.
+        bridge: to the MuJoCo simulation in which it walks. There the whole-body controllers give
+            joint targets, too, for motors to hold
+            (:data:`~harpy_pin.controllers.parameters.JOINT_TARGETS`), because torques alone fall in
+            many models of others. Torques alone are ``joint_stiffness=0.0, joint_damping=0.0``.
+            Geoms of the robot that push each other apart where it stands
+            (:meth:`MujocoBridge.self_contacts`) are said by a ``UserWarning``.
+        settings: others that differ from those that fit gait and robot
+            (:meth:`WholeBodyParameters.for_gait`), by the names of :class:`WholeBodyParameters`, or
+            for the governed controller from the defaults of :class:`GovernedParameters`, with
+            ``evaluate_at`` and ``governor_parameters`` (see :func:`make_governor`); those of a
+            record inside as a mapping, such as ``weights={"swing": 0.5}``.
 
     Raises:
-        InputError: unknown name, a setting out of its domain, or a governor for a whole-body controller.
+        InputError: unknown name, a setting out of its domain, or a governor for a whole-body
+            controller.
     """
     if governor is not None:
         checks.one_of("governor", governor, GOVERNORS)
@@ -123,34 +154,48 @@ def make_controller(
     if bridge is not None and bridge.robot.joints != gait.robot.joints:
         message = f"the gait is of '{gait.robot.name}', the bridge of '{bridge.robot.name}'"
         raise InputError(message, name="bridge", value=bridge)
-    for pair, force in ({} if bridge is None else bridge.self_contacts(gait.initial_state()[0])).items():
+    for pair, force in (
+        {} if bridge is None else bridge.self_contacts(gait.initial_state()[0])
+    ).items():
         warnings.warn(
-            f"where '{gait.robot.name}' stands, its geoms '{pair[0]}' and '{pair[1]}' push each other apart in the "
-            f"MuJoCo model, with {force:.0f} N: give another posture, or take the pair out of the model's contacts",
+            f"where '{gait.robot.name}' stands, its geoms '{pair[0]}' and '{pair[1]}' push each "
+            f"other apart in the "
+            f"MuJoCo model, with {force:.0f} N: give another posture, or take the pair out of the "
+            f"model's contacts",
             stacklevel=3,
         )
     if bridge is not None and name != "governed":
         settings = {**JOINT_TARGETS, **settings}
     if period is None:
         period = 1e-3 if bridge is None else float(bridge.model.opt.timestep)
-    of_governor = {key: settings.pop(key) for key in ("evaluate_at", "governor_parameters") if key in settings}
+    of_governor = {
+        key: settings.pop(key) for key in ("evaluate_at", "governor_parameters") if key in settings
+    }
     parameters = make_parameters(name, gait, mu=mu, period=period, changes=settings)
     if isinstance(parameters, WholeBodyParameters):
         if governor not in (None, "none") or of_governor:
             raise InputError(
-                f"the whole-body controllers take no governor, got {governor or ', '.join(of_governor)}; they hold the "
-                "cones themselves, and ContactForceFilter.update(state, command) goes behind any controller",
+                f"the whole-body controllers take no governor, got "
+                f"{governor or ', '.join(of_governor)}; they hold the "
+                "cones themselves, and ContactForceFilter.update(state, command) goes behind any "
+                "controller",
                 name="governor",
                 value=governor,
             )
-        return CondensedController(gait, parameters) if name == "condensed" else WholeBodyController(gait, parameters)
+        return (
+            CondensedController(gait, parameters)
+            if name == "condensed"
+            else WholeBodyController(gait, parameters)
+        )
     governor, changes = governor or "paper", of_governor.pop("governor_parameters", None)
     if governor == "filter":
         of_filter = make_governor_parameters("filter", mu=mu, changes=changes)
         assert isinstance(of_filter, ContactForceFilterParameters)
         force_filter = ContactForceFilter(gait.robot, of_filter, period=period)
         return GovernedController(gait, None, parameters, force_filter=force_filter)
-    chosen = make_governor(governor, gait.robot, mu=mu, gains=parameters.centre, parameters=changes, **of_governor)
+    chosen = make_governor(
+        governor, gait.robot, mu=mu, gains=parameters.centre, parameters=changes, **of_governor
+    )
     return GovernedController(gait, chosen, parameters)
 
 
@@ -167,7 +212,8 @@ def make_governor_parameters(
             :class:`~harpy_pin.governors.ContactForceFilterParameters`.
 
     Raises:
-        InputError: unknown name, a value out of its domain, or the friction coefficient, which is an argument here.
+        InputError: unknown name, a value out of its domain, or the friction coefficient, which is
+            an argument here.
     """
     checks.one_of("governor", name, GOVERNORS)
     if name == "paper":
@@ -175,13 +221,20 @@ def make_governor_parameters(
     if name == "filter":
         return changed(ContactForceFilterParameters(mu=mu), changes, fixed=("mu",))
     if changes:
-        raise InputError(f"the governor '{name}' has no parameters", name="governor_parameters", value=changes)
+        raise InputError(
+            f"the governor '{name}' has no parameters", name="governor_parameters", value=changes
+        )
     return None
 
 
 @checked
 def make_parameters(
-    name: str, gait: Gait, *, mu: float, period: float = 1e-3, changes: Mapping[str, Any] | None = None
+    name: str,
+    gait: Gait,
+    *,
+    mu: float,
+    period: float = 1e-3,
+    changes: Mapping[str, Any] | None = None,
 ) -> GovernedParameters | WholeBodyParameters:
     """The parameters of a controller by name.
 
@@ -190,12 +243,13 @@ def make_parameters(
         gait: that it follows; those of whole-body controllers fit it and its robot.
         mu: friction coefficient that the controller assumes.
         period: time between ticks, s.
-        changes: values by the names of :class:`GovernedParameters` or :class:`WholeBodyParameters`, those of a record
-            inside as a mapping again, such as ``{"solver": "daqp", "weights": {"swing": 0.5}}``; None leaves a value
-            as it is.
+        changes: values by the names of :class:`GovernedParameters` or :class:`WholeBodyParameters`,
+            those of a record inside as a mapping again, such as ``{"solver": "daqp", "weights":
+            {"swing": 0.5}}``; None leaves a value as it is.
 
     Raises:
-        InputError: unknown name, a value out of its domain, or a change of what is an argument here.
+        InputError: unknown name, a value out of its domain, or a change of what is an argument
+            here.
     """
     hint = f"it is make_controller('governed', ..., governor='{name}')" if name in GOVERNORS else ""
     checks.one_of("controller", name, CONTROLLERS, hint=hint)
@@ -214,7 +268,8 @@ def check_parameters(name: str, changes: Mapping[str, Any]) -> None:
         changes: as of :func:`make_parameters`.
 
     Raises:
-        InputError: unknown name, a value out of its domain, or a change of what is an argument there.
+        InputError: unknown name, a value out of its domain, or a change of what is an argument
+            there.
     """
     checks.one_of("controller", name, CONTROLLERS)
     if name == "governed":

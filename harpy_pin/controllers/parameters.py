@@ -16,7 +16,9 @@ from harpy_pin.wbc import FORMULATIONS, SOLVERS, WholeBodyLimits, WholeBodyWeigh
 Parameters = TypeVar("Parameters")
 
 LEGS = ("pid", "feedforward")
-"""Control laws of the governed controller's legs: the paper's joint PID, or softer joints with feedforward torques."""
+"""Control laws of the governed controller's legs: the paper's joint PID, or softer joints with
+feedforward torques.
+"""
 
 MAX_GAIN = 1e6
 """Largest gain, 1/s² and 1/s."""
@@ -26,9 +28,14 @@ MAX_LAG = 1e3
 """Largest lag of thrusts, s."""
 MAX_RATIO = 1e3
 """Largest stiffness and damping of joints in their units."""
-JOINT_TARGETS: Mapping[str, float] = {"joint_stiffness": 1.0, "joint_damping": 0.3, "contact_damping": 20.0}
-"""Settings with which motors hold joint targets, for models of others: torques alone fall in many of them
-(docs/worlds.md)."""
+JOINT_TARGETS: Mapping[str, float] = {
+    "joint_stiffness": 1.0,
+    "joint_damping": 0.3,
+    "contact_damping": 20.0,
+}
+"""Settings with which motors hold joint targets, for models of others: torques alone fall in many
+of them (docs/worlds.md).
+"""
 MAX_HELD = 1000
 """Largest number of ticks for which the last good command is held."""
 
@@ -37,9 +44,9 @@ MAX_HELD = 1000
 class JointGains:
     """PID of the joints, one value for (hip frontal, hip sagittal, knee).
 
-    equations.md gives the hips 1000/20/40 in continuous time. Held over a control period of 1 ms, a derivative gain of
-    40 is unstable: the apparent inertia of a hip motor in swing is 0.017 kg·m², and 40 · 1 ms / 0.017 > 2. The hips
-    therefore have 10, and the light knee 3.
+    equations.md gives the hips 1000/20/40 in continuous time. Held over a control period of 1 ms, a
+    derivative gain of 40 is unstable: the apparent inertia of a hip motor in swing is 0.017 kg·m²,
+    and 40 · 1 ms / 0.017 > 2. The hips therefore have 10, and the light knee 3.
 
     Attributes:
         k_p: N·m/rad.
@@ -64,8 +71,9 @@ class JointGains:
 class FeedforwardGains:
     """Gains of :mod:`harpy_pin.controllers.feedforward`, for (hip frontal, hip sagittal, knee).
 
-    In swing a gain acts on the inertia of a leg, in stance on a part of the body's, so each phase has its own. They
-    were chosen among 48 sets on walks at friction 0.5 and 0.3 with 2 and 3 ms of delay (docs/delay.md).
+    In swing a gain acts on the inertia of a leg, in stance on a part of the body's, so each phase
+    has its own. They were chosen among 48 sets on walks at friction 0.5 and 0.3 with 2 and 3 ms of
+    delay (docs/delay.md).
 
     Attributes:
         stance_p: stiffness in stance, N·m/rad.
@@ -89,7 +97,8 @@ class FeedforwardGains:
 
 @dataclass(frozen=True, kw_only=True)
 class GovernedParameters:
-    """Settings of :class:`~harpy_pin.controllers.governed.GovernedController`; by default the paper's 3D run.
+    """Settings of :class:`~harpy_pin.controllers.governed.GovernedController`; by default the
+    paper's 3D run.
 
     The defaults are those of equations.md §3.
 
@@ -98,13 +107,17 @@ class GovernedParameters:
         centre: gains of the thruster feedback.
         attitude: gains of the roll and yaw feedback.
         joints: gains of the joint PID.
-        legs: one of :data:`LEGS`. The paper's ``pid`` falls with 2 ms of delay; ``feedforward`` does not.
+        legs: one of :data:`LEGS`. The paper's ``pid`` falls with 2 ms of delay; ``feedforward``
+            does not.
         feedforward: gains of that control law; its integral part is that of ``joints``.
-        reference_velocity: whether x_r has ċ_t (as printed) or zero velocity (equations.md §3, "c in the 3D run").
-        limits: clip torques and thrusts to the motors' peak torque and the thrusters' limit (off in the paper).
+        reference_velocity: whether x_r has ċ_t (as printed) or zero velocity (equations.md §3, "c
+            in the 3D run").
+        limits: clip torques and thrusts to the motors' peak torque and the thrusters' limit (off in
+            the paper).
         thrust: whether there are thrusters; without them only the legs act.
-        estimate_friction: whether the governors take a friction coefficient that is estimated while walking
-            (:mod:`harpy_pin.controllers.friction`) where it is below the one they were given.
+        estimate_friction: whether the governors take a friction coefficient that is estimated while
+            walking (:mod:`harpy_pin.controllers.friction`) where it is below the one they were
+            given.
     """
 
     period: float = 1e-3
@@ -127,7 +140,8 @@ class GovernedParameters:
 class WholeBodyParameters:
     """Settings of the whole-body controllers; gains and forces are at most 1e6.
 
-    Gains, forces and weights depend on the robot and have no defaults here: :meth:`for_gait` finds them.
+    Gains, forces and weights depend on the robot and have no defaults here: :meth:`for_gait` finds
+    them.
 
     Attributes:
         period: time between ticks, s.
@@ -135,30 +149,35 @@ class WholeBodyParameters:
         orientation: (k_p, k_d) of its orientation, 1/s² and 1/s.
         swing: (k_p, k_d) of a swing foot, 1/s² and 1/s.
         posture: (k_p, k_d) of the joints, 1/s² and 1/s.
-        contact_damping: of the velocity of a stance foot, 1/s. At most 1 / period counts: with more a command that is
-            held would turn the velocity round.
+        contact_damping: of the velocity of a stance foot, 1/s. At most 1 / period counts: with more
+            a command that is held would turn the velocity round.
         min_normal_force: f_min of a stance foot, N.
         max_normal_force: f_max, N.
         contact_threshold: measured normal force that counts as contact, N.
-        hold_ticks: ticks in a row for which the last good command is held after failed solves, at most 1000.
-        formulation: one of :data:`harpy_pin.wbc.FORMULATIONS`. ``full`` and ``input_space`` have the same
-            solutions; ``contact_force`` has no posture task, and other solutions where a motor is at its limit.
-        solver: one of :data:`harpy_pin.wbc.SOLVERS`, which solves every tick. ``active_set`` is this library's own
-            search, with which a tick is one bounded compiled call.
+        hold_ticks: ticks in a row for which the last good command is held after failed solves, at
+            most 1000.
+        formulation: one of :data:`harpy_pin.wbc.FORMULATIONS`. ``full`` and ``input_space`` have
+            the same solutions; ``contact_force`` has no posture task, and other solutions where a
+            motor is at its limit.
+        solver: one of :data:`harpy_pin.wbc.SOLVERS`, which solves every tick. ``active_set`` is
+            this library's own search, with which a tick is one bounded compiled call.
         estimate_friction: take a friction coefficient that is estimated while walking
             (:mod:`harpy_pin.controllers.friction`) where it is below that of the limits.
-        estimate_joint_friction: take into account friction in the joints that the model lacks, estimated while walking
-            (:mod:`harpy_pin.controllers.friction`).
-        thrust_lag: time constant with which thrusts follow their commands, s: the program has them as they
-            are in each tick, and legs make up for the rest (:mod:`harpy_pin.controllers.thrust_lag`).
+        estimate_joint_friction: take into account friction in the joints that the model lacks,
+            estimated while walking (:mod:`harpy_pin.controllers.friction`).
+        thrust_lag: time constant with which thrusts follow their commands, s: the program has them
+            as they are in each tick, and legs make up for the rest
+            (:mod:`harpy_pin.controllers.thrust_lag`).
         thrust_turning_lag: time constant with which their directions follow, s.
-        joint_stiffness: of the motors about joint targets, k_p in units of m g l / 4, with m the robot's mass and l the
-            length of its leg (:mod:`harpy_pin.controllers.joint_targets`). 0: motors get torques alone; 1 suits robots
-            whose joints the model does not know well.
-        joint_damping: of the motors, k_d in units of m g l / 4 √(l/g); with a stiffness of 1, 0.3 suits.
+        joint_stiffness: of the motors about joint targets, k_p in units of m g l / 4, with m the
+            robot's mass and l the length of its leg (:mod:`harpy_pin.controllers.joint_targets`).
+            0: motors get torques alone; 1 suits robots whose joints the model does not know well.
+        joint_damping: of the motors, k_d in units of m g l / 4 √(l/g); with a stiffness of 1, 0.3
+            suits.
         joint_leak: rate at which the targets are drawn to the measured motion, 1/s.
-        joint_learning: rate at which inertia and damping of the joints are learned that the model lacks, where motors
-            hold targets, 1/s (:mod:`harpy_pin.controllers.joint_targets`). 0: none.
+        joint_learning: rate at which inertia and damping of the joints are learned that the model
+            lacks, where motors hold targets, 1/s (:mod:`harpy_pin.controllers.joint_targets`). 0:
+            none.
         weights: of the tasks.
         limits: of the constraints.
     """
@@ -191,20 +210,23 @@ class WholeBodyParameters:
         """Settings that fit a gait and its robot.
 
         What is not among the changes is the gait's own by its ``controller_parameters``
-        (:class:`~harpy_pin.gaits.gait.Gait`), and where it brings none, the robot's by its mass and legs
-        (:func:`~harpy_pin.gaits.fitting.fitting_parameters`).
+        (:class:`~harpy_pin.gaits.gait.Gait`), and where it brings none, the robot's by its mass and
+        legs (:func:`~harpy_pin.gaits.fitting.fitting_parameters`).
 
         Args:
             gait: any.
-            changes: settings that differ, by name; those of a record inside as a mapping or whole, such as
-                ``weights={"swing": 0.5}``.
+            changes: settings that differ, by name; those of a record inside as a mapping or whole,
+                such as ``weights={"swing": 0.5}``.
 
         Raises:
             InputError: it is no gait, or a setting is unknown or out of its domain.
         """
         check_gait(gait)
         rule = fitting_parameters(gait.robot)
-        records = {"weights": WholeBodyWeights(**rule["weights"]), "limits": WholeBodyLimits(**rule["limits"])}
+        records = {
+            "weights": WholeBodyWeights(**rule["weights"]),
+            "limits": WholeBodyLimits(**rule["limits"]),
+        }
         fitting = cls(**{**rule, **records})
         return changed(changed(fitting, getattr(gait, "controller_parameters", {})), changes)
 
@@ -216,37 +238,53 @@ class WholeBodyParameters:
         checks.number("contact_damping", self.contact_damping, low=0.0, high=MAX_GAIN)
         checks.number("hold_ticks", self.hold_ticks, low=0.0, high=MAX_HELD)
         for name in ("thrust_lag", "thrust_turning_lag"):
-            checks.keep(self, **{name: checks.number(name, getattr(self, name), low=0.0, high=MAX_LAG)})
+            checks.keep(
+                self, **{name: checks.number(name, getattr(self, name), low=0.0, high=MAX_LAG)}
+            )
         checks.numbers(self, "joint_stiffness", "joint_damping", low=0.0, high=MAX_RATIO)
         checks.numbers(self, "joint_leak", "joint_learning", low=0.0, high=MAX_GAIN)
         checks.numbers(self, "min_normal_force", "contact_threshold", low=0.0, high=MAX_FORCE)
         low = self.min_normal_force
-        checks.number("max_normal_force", self.max_normal_force, low=low, high=MAX_FORCE, strict=True)
-        for kind, name, valid in (("formulation", self.formulation, FORMULATIONS), ("solver", self.solver, SOLVERS)):
+        checks.number(
+            "max_normal_force", self.max_normal_force, low=low, high=MAX_FORCE, strict=True
+        )
+        for kind, name, valid in (
+            ("formulation", self.formulation, FORMULATIONS),
+            ("solver", self.solver, SOLVERS),
+        ):
             checks.one_of(kind, name, valid)
 
 
 def changed(
-    parameters: Parameters, changes: Mapping[str, Any] | None, *, fixed: Collection[str] = (), inside: str = ""
+    parameters: Parameters,
+    changes: Mapping[str, Any] | None,
+    *,
+    fixed: Collection[str] = (),
+    inside: str = "",
 ) -> Parameters:
     """A copy of a frozen dataclass with other values, checked as when it is made.
 
     Args:
         parameters: may hold further dataclasses.
-        changes: values by name, those of a dataclass inside as a mapping or whole. Lists become tuples; None changes
-            nothing.
+        changes: values by name, those of a dataclass inside as a mapping or whole. Lists become
+            tuples; None changes nothing.
         fixed: names that may not change; those of a dataclass inside after its name and a dot.
         inside: name of the dataclass and a dot, for messages; empty at the top.
     """
     changes = {} if changes is None else changes
     if not isinstance(changes, Mapping):
-        raise InputError(f"parameters {inside[:-1] or 'of the controller'} must be a mapping, got {shown(changes)}")
+        raise InputError(
+            f"parameters {inside[:-1] or 'of the controller'} must be a mapping, got "
+            f"{shown(changes)}"
+        )
     valid = [entry.name for entry in fields(parameters)]  # type: ignore[arg-type]
     values: dict[str, Any] = {}
     for name, value in changes.items():
         checks.one_of("parameter", name, valid)
         if inside + name in fixed:
-            raise InputError(f"parameter '{inside}{name}' has an argument of its own", name=name, value=value)
+            raise InputError(
+                f"parameter '{inside}{name}' has an argument of its own", name=name, value=value
+            )
         default = getattr(parameters, name)
         if value is None:
             continue
@@ -254,6 +292,8 @@ def changed(
         if is_dataclass(default) and (fixed_inside or type(value) is not type(default)):
             value = changed(default, value, fixed=fixed, inside=f"{inside}{name}.")
         elif isinstance(default, bool) and not isinstance(value, bool):
-            raise InputError(f"{inside}{name} must be true or false, got {shown(value)}", name=name, value=value)
+            raise InputError(
+                f"{inside}{name} must be true or false, got {shown(value)}", name=name, value=value
+            )
         values[name] = tuple(value) if isinstance(value, list) else value
     return replace(parameters, **values)  # type: ignore[type-var]

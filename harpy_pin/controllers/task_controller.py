@@ -1,4 +1,6 @@
-"""What the condensed controller and the whole-body QP share: the tasks of a gait, and estimates of friction."""
+"""What the condensed controller and the whole-body QP share: the tasks of a gait, and estimates of
+friction.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +11,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from harpy_pin import checks
-from harpy_pin.controllers.friction import JointFrictionEstimateRecord, forget_friction, friction_record
+from harpy_pin.controllers.friction import (
+    JointFrictionEstimateRecord,
+    forget_friction,
+    friction_record,
+)
 from harpy_pin.controllers.gait_controller import GaitController
 from harpy_pin.controllers.joint_targets import joint_targets_record
 from harpy_pin.controllers.parameters import WholeBodyParameters
@@ -21,12 +27,16 @@ from harpy_pin.wbc.tasks.built_in import joint_weights
 from harpy_pin.wbc.weights import WholeBodyTargets, targets_record
 
 FEWEST_TICKS, FEWEST_ON_TWO = 8, 20
-"""Ticks of a step, on more than two feet and on two, from which on eleven robots of twelve stood in the
-compliant plant, at any period."""
+"""Ticks of a step, on more than two feet and on two, from which on eleven robots of twelve stood in
+the compliant plant, at any period.
+"""
 
 
 def tasks_record(
-    gait: FullGait, parameters: WholeBodyParameters, kind: type[TasksRecord] = TasksRecord, **parts: ArrayLike
+    gait: FullGait,
+    parameters: WholeBodyParameters,
+    kind: type[TasksRecord] = TasksRecord,
+    **parts: ArrayLike,
 ) -> Records[TasksRecord]:
     """A new :class:`TasksRecord`, or one of another ``kind`` with further parts."""
     robot, p = gait.robot, checks.instance("parameters", parameters, WholeBodyParameters)
@@ -45,7 +55,10 @@ def tasks_record(
         contact_threshold=p.contact_threshold,
         double_support=gait.double_support,
         rest=gait.initial_state()[0][7:],
-        ends=(np.where(free, robot.joint_lower, -np.inf), np.where(free, robot.joint_upper, np.inf)),
+        ends=(
+            np.where(free, robot.joint_lower, -np.inf),
+            np.where(free, robot.joint_upper, np.inf),
+        ),
         flat_feet=np.array(robot.flat_feet, dtype=np.int64),
         flies=np.int64(bool(robot.rotors) and not robot.feet),
         leans=np.int64(lift is not None),
@@ -57,7 +70,9 @@ def tasks_record(
         dynamics=dynamics_record(robot),
         tasks=tasks,
         targets=targets_record(robot),
-        friction=friction_record(assumed=p.limits.mu, feet=feet, period=p.period, on=p.estimate_friction),
+        friction=friction_record(
+            assumed=p.limits.mu, feet=feet, period=p.period, on=p.estimate_friction
+        ),
         joint_friction=make_record(
             JointFrictionEstimateRecord,
             robot.sizes,
@@ -98,9 +113,13 @@ class TaskController(GaitController):
         if ticks < fewest:
             period = self.gait.step_duration / fewest
             message = f"'{self.robot.name}' has {ticks:.1f} ticks of {p.period:g} s in a step"
-            warnings.warn(f"{message} and may fall: take a period of {period:.2g} s at most", stacklevel=4)
+            warnings.warn(
+                f"{message} and may fall: take a period of {period:.2g} s at most", stacklevel=4
+            )
 
-    def _begin_tasks(self, kind: type[TasksRecord], with_targets: type[TasksRecord], **parts: ArrayLike) -> None:
+    def _begin_tasks(
+        self, kind: type[TasksRecord], with_targets: type[TasksRecord], **parts: ArrayLike
+    ) -> None:
         """Make the record of the controller, and take it up.
 
         Its class is ``kind``, or with joint targets another one; see :func:`tasks_record`.

@@ -1,21 +1,24 @@
-"""References of the built-in tasks, from gait and gains: accelerations of body, feet and joints, and the stance feet.
+"""References of the built-in tasks, from gait and gains: accelerations of body, feet and joints,
+and the stance feet.
 
 What these tasks are is in :mod:`harpy_pin.wbc.tasks.built_in`.
 
-**Ground that is not level.** Every formulation, the condensed program, the cones and the estimate of the friction say z
-where they mean the normal. So Jacobian, drift, target and force of every foot are expressed in its contact frame once,
-after the tasks are known, and what follows stays as it is. The forces that are logged are in world axes again.
+**Ground that is not level.** Every formulation, the condensed program, the cones and the estimate
+of the friction say z where they mean the normal. So Jacobian, drift, target and force of every foot
+are expressed in its contact frame once, after the tasks are known, and what follows stays as it is.
+The forces that are logged are in world axes again.
 
-**Robots that fly on rotors.** A robot with nearly parallel rotors has thrust along one direction of its body only. It
-accelerates sideways by tilting its thrust. With a_d the acceleration desired of its body and g that of gravity, the
-thrust along the lift axis l (fixed to the body) has to be the robot's mass times s = a_d − g, so the desired
-orientation has l along s: upright with the gait's heading, then turned by the shortest way. Until it is reached, the
-thrust has only the part of s along the present direction R l, and the desired acceleration is reduced to that:
-a = (s · R l) R l + g. This is the usual cascade of multirotors (Lee, Leok and McClamroch, "Geometric tracking control
-of a quadrotor UAV on SE(3)", 2010), without the feedforward of the desired rotation. The horizontal part of s is
-limited to a tilt of ``MAX_LEAN``, and its vertical part to at least half of gravity, so that the robot never turns over
-to descend faster. Robots with thrust in all directions have this limit, too: beyond what their rotors can do sideways
-they would lose their orientation.
+**Robots that fly on rotors.** A robot with nearly parallel rotors has thrust along one direction of
+its body only. It accelerates sideways by tilting its thrust. With a_d the acceleration desired of
+its body and g that of gravity, the thrust along the lift axis l (fixed to the body) has to be the
+robot's mass times s = a_d − g, so the desired orientation has l along s: upright with the gait's
+heading, then turned by the shortest way. Until it is reached, the thrust has only the part of s
+along the present direction R l, and the desired acceleration is reduced to that: a = (s · R l) R l
++ g. This is the usual cascade of multirotors (Lee, Leok and McClamroch, "Geometric tracking control
+of a quadrotor UAV on SE(3)", 2010), without the feedforward of the desired rotation. The horizontal
+part of s is limited to a tilt of ``MAX_LEAN``, and its vertical part to at least half of gravity,
+so that the robot never turns over to descend faster. Robots with thrust in all directions have this
+limit, too: beyond what their rotors can do sideways they would lose their orientation.
 """
 
 from __future__ import annotations
@@ -45,9 +48,10 @@ from harpy_pin.wbc.condensed.force_program import TargetsRecord, note_centre_dri
 MAX_LEAN = 0.4
 """Largest angle between the thrust that is desired and the vertical, rad."""
 BRAKE, MARGIN, NEAR, STIFFER = 150.0, 0.02, 0.7, 100.0
-"""A joint on no limb has to come to rest within its range, ``MARGIN`` rad before its end. From a share ``NEAR`` of the
-velocity on from which a deceleration of ``BRAKE`` rad/s² would do, its task brakes, and weighs up to 1 + ``STIFFER``
-times as much."""
+"""A joint on no limb has to come to rest within its range, ``MARGIN`` rad before its end. From a
+share ``NEAR`` of the velocity on from which a deceleration of ``BRAKE`` rad/s² would do, its task
+brakes, and weighs up to 1 + ``STIFFER`` times as much.
+"""
 LEAST_ROOM, MOST_FAST = 1e-4, 2.0
 _SLOPE = float(np.tan(MAX_LEAN))
 
@@ -55,7 +59,8 @@ _SLOPE = float(np.tan(MAX_LEAN))
 class TaskSettingsRecord(RecordOf):
     """Gains, ranges and posture of the tasks.
 
-    Gains and ranges have the names of :class:`~harpy_pin.controllers.parameters.WholeBodyParameters`.
+    Gains and ranges have the names of
+    :class:`~harpy_pin.controllers.parameters.WholeBodyParameters`.
     """
 
     body: Vector
@@ -68,7 +73,8 @@ class TaskSettingsRecord(RecordOf):
     contact_threshold: float
     double_support: float  # share of a step with both feet on the ground
     rest: Vector  # (joints,) posture, rad
-    ends: Vector  # (2, joints) least and largest angle of the joints on no limb; infinite for those of limbs
+    # (2, joints) least and largest angle of the joints on no limb; infinite for those of limbs
+    ends: Vector
     flat_feet: NDArray[np.int64]  # indices of the feet that are corners of flat ones
     flies: int  # 1 for a robot with rotors and no feet
     leans: int  # 1 where thrust has one direction in the body
@@ -86,12 +92,14 @@ class TasksRecord(RecordOf):
 
 
 @kernel
-def task_terms(r: TasksRecord, g: GaitTargetRecord, q: Vector, v: Vector, foot_force: Vector) -> int:
+def task_terms(
+    r: TasksRecord, g: GaitTargetRecord, q: Vector, v: Vector, foot_force: Vector
+) -> int:
     """Terms, task accelerations, which feet are held, and the range of their normal forces.
 
-    They are those of the measured q (nq,), v (nv,) and forces on the feet (feet, 3), N. Where the ground is not level,
-    what concerns feet is left in the frames of their contacts: there z is the normal. Returns what the state is, see
-    :mod:`harpy_pin.model.entry`.
+    They are those of the measured q (nq,), v (nv,) and forces on the feet (feet, 3), N. Where the
+    ground is not level, what concerns feet is left in the frames of their contacts: there z is the
+    normal. Returns what the state is, see :mod:`harpy_pin.model.entry`.
     """
     d, p, t = r.dynamics, r.tasks, r.targets
     if foot_force.shape != t.feet.shape:
@@ -119,7 +127,11 @@ def task_terms(r: TasksRecord, g: GaitTargetRecord, q: Vector, v: Vector, foot_f
     level = is_level(g.normal)
     for k in range(t.held.shape[0]):
         push = foot_force[k, 2] if level else load_on(g.normal[k], foot_force[k])
-        below = d.foot_position[k, 2] <= g.ground_height[k] if level else below_ground(g, k, d.foot_position[k])
+        below = (
+            d.foot_position[k, 2] <= g.ground_height[k]
+            if level
+            else below_ground(g, k, d.foot_position[k])
+        )
         touching = push > p.contact_threshold or (g.stance[k] != 0.0 and below)
         # A foot is held where it should be on the ground and is, or when it meets the ground early.
         t.held[k] = 1.0 if touching and (g.stance[k] != 0.0 or g.phase[k] > 0.5) else 0.0
@@ -150,7 +162,9 @@ def task_terms(r: TasksRecord, g: GaitTargetRecord, q: Vector, v: Vector, foot_f
 
 
 @kernel
-def _stay_in_range(p: TaskSettingsRecord, t: TargetsRecord, j: int, angle: float, speed: float) -> None:
+def _stay_in_range(
+    p: TaskSettingsRecord, t: TargetsRecord, j: int, angle: float, speed: float
+) -> None:
     """Let joint j's task brake where its end is near."""
     room = (p.ends[1, j] - angle if speed > 0.0 else angle - p.ends[0, j]) - MARGIN
     fast = min(abs(speed) / np.sqrt(2.0 * BRAKE * max(room, LEAST_ROOM)), MOST_FAST)
@@ -165,14 +179,23 @@ def possible_feet(g: GaitTargetRecord) -> bool:
     """Whether the targets of all feet are numbers within ``MAX_SAMPLE``."""
     motion = all_possible_rows(g.foot_position) and all_possible_rows(g.foot_velocity)
     motion = motion and all_possible_rows(g.foot_acceleration)
-    motion = motion and all_upward(g.normal) and all_possible(g.ground_height) and all_possible(g.up)
-    motion = motion and all_possible(g.load) and all_possible(g.centre_of_mass) and all_possible(g.world_frame_blend)
+    motion = (
+        motion and all_upward(g.normal) and all_possible(g.ground_height) and all_possible(g.up)
+    )
+    motion = (
+        motion
+        and all_possible(g.load)
+        and all_possible(g.centre_of_mass)
+        and all_possible(g.world_frame_blend)
+    )
     return motion and all_possible(g.stance) and all_possible(g.phase)
 
 
 @kernel
 def hold_flat_feet(flat_feet: NDArray[np.int64], held: Vector) -> None:
-    """Hold all corners of a flat foot where one is held; ``flat_feet`` is empty where all feet are points."""
+    """Hold all corners of a flat foot where one is held; ``flat_feet`` is empty where all feet are
+    points.
+    """
     first = 0
     for n in range(flat_feet.shape[0]):
         corners = held[first : first + flat_feet[n]]
@@ -182,11 +205,18 @@ def hold_flat_feet(flat_feet: NDArray[np.int64], held: Vector) -> None:
 
 @kernel
 def _body_targets(
-    tree: TreeRecord, g: GaitTargetRecord, p: TaskSettingsRecord, t: TargetsRecord, q: Vector, v: Vector
+    tree: TreeRecord,
+    g: GaitTargetRecord,
+    p: TaskSettingsRecord,
+    t: TargetsRecord,
+    q: Vector,
+    v: Vector,
 ) -> None:
     """Accelerations of the body's position and orientation."""
     rotation = tree.rotation
-    t.body[:] = g.body[6:] + p.body[0] * (g.body[:3] - q[:3]) + p.body[1] * (g.body[3:6] - rotation @ v[:3])
+    t.body[:] = (
+        g.body[6:] + p.body[0] * (g.body[:3] - q[:3]) + p.body[1] * (g.body[3:6] - rotation @ v[:3])
+    )
     # The body's quaternion, turned back by what the target has: heading and tilt.
     turned = np.empty(4)
     turned[:] = q[3:7]
@@ -196,7 +226,9 @@ def _body_targets(
         lean(rotation, tree.gravity, p.lift, g.heading[0], t.body, turned)
     if g.up[0] != 0.0 or g.up[1] != 0.0:  # the smallest rotation to the target's z axis
         c = np.sqrt(0.5 * (1.0 + g.up[2]))
-        turned[:] = quaternion_product(np.array([0.5 * g.up[1] / c, -0.5 * g.up[0] / c, 0.0, c]), turned)
+        turned[:] = quaternion_product(
+            np.array([0.5 * g.up[1] / c, -0.5 * g.up[0] / c, 0.0, c]), turned
+        )
     if g.heading[0] != 0.0:
         half = 0.5 * g.heading[0]
         turned[:] = quaternion_product(np.array([0.0, 0.0, -np.sin(half), np.cos(half)]), turned)
@@ -210,7 +242,9 @@ def _body_targets(
 
 @kernel
 def share_of_load(g: GaitTargetRecord, k: int, double_support: float) -> float:
-    """Share of the load on a stance foot: it grows over the double support that begins a stance, falls at its end."""
+    """Share of the load on a stance foot: it grows over the double support that begins a stance,
+    falls at its end.
+    """
     if g.stance[k] == 0.0:
         return 0.1
     if double_support <= 0.0:
@@ -236,7 +270,9 @@ def below_ground(g: GaitTargetRecord, k: int, place: Vector) -> bool:
 
 @kernel
 def turn_into_contacts(r: TasksRecord, g: GaitTargetRecord, foot_force: Vector) -> None:
-    """Terms, targets and measured forces of the feet, of world axes, in the frames of their contacts."""
+    """Terms, targets and measured forces of the feet, of world axes, in the frames of their
+    contacts.
+    """
     d, t = r.dynamics, r.targets
     for k in range(t.held.shape[0]):
         contact_frame(*g.normal[k], t.frame[k])
@@ -269,7 +305,9 @@ def forces_in_world(t: TargetsRecord, force: Vector) -> None:
 
 @kernel(gravity=(3,), body=(3,))
 def limit_push(gravity: Vector, body: Vector) -> None:
-    """Limit the thrust per mass s = a_d − g that ``body``, a_d in and out, needs: world axes, m/s²; with gravity."""
+    """Limit the thrust per mass s = a_d − g that ``body``, a_d in and out, needs: world axes, m/s²;
+    with gravity.
+    """
     weight = np.sqrt(gravity @ gravity)
     if weight == 0.0:
         return
@@ -282,12 +320,21 @@ def limit_push(gravity: Vector, body: Vector) -> None:
 
 
 @kernel(rotation=(3, 3), gravity=(3,), lift=(3,), body=(3,), quaternion=(4,))
-def lean(rotation: Vector, gravity: Vector, lift: Vector, heading: float, body: Vector, quaternion: Vector) -> None:
-    """Take the desired tilt out of the body's orientation, and what is out of reach now out of its acceleration.
+def lean(
+    rotation: Vector,
+    gravity: Vector,
+    lift: Vector,
+    heading: float,
+    body: Vector,
+    quaternion: Vector,
+) -> None:
+    """Take the desired tilt out of the body's orientation, and what is out of reach now out of its
+    acceleration.
 
-    ``lift`` is l, ``heading`` the yaw of the upright body, ``body`` (3,) a_d in, after :func:`limit_push`, and a
-    out, in world axes. ``quaternion`` is the body's, (x, y, z, w), in, and out turned back by the desired tilt: where
-    the body has that tilt, this is the upright one with that heading.
+    ``lift`` is l, ``heading`` the yaw of the upright body, ``body`` (3,) a_d in, after
+    :func:`limit_push`, and a out, in world axes. ``quaternion`` is the body's, (x, y, z, w), in,
+    and out turned back by the desired tilt: where the body has that tilt, this is the upright one
+    with that heading.
     """
     desired = body - gravity
     length = np.sqrt(desired @ desired)
@@ -295,10 +342,14 @@ def lean(rotation: Vector, gravity: Vector, lift: Vector, heading: float, body: 
         return
     present = rotation @ lift
     body[:] = gravity + (desired @ present) * present
-    # The shortest turn from the upright body's lift axis a to the desired direction b: quaternion (a × b, 1 + a · b).
+    # The shortest turn from the upright body's lift axis a to the desired direction b: quaternion
+    # (a × b, 1 + a · b).
     # It is undone by (b × a, 1 + a · b).
     c, s = np.cos(heading), np.sin(heading)
-    a, b = np.array([c * lift[0] - s * lift[1], s * lift[0] + c * lift[1], lift[2]]), desired / length
+    a, b = (
+        np.array([c * lift[0] - s * lift[1], s * lift[0] + c * lift[1], lift[2]]),
+        desired / length,
+    )
     back = np.array([*np.cross(b, a), 1.0 + a @ b])
     norm = np.sqrt(back @ back)
     if norm >= 1e-9:  # otherwise the lift axis points down: there is no shortest turn

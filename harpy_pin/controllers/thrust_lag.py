@@ -1,21 +1,26 @@
-"""Thrusts that follow their commands by a lag: commands that lead, and legs that make up for the rest.
+"""Thrusts that follow their commands by a lag: commands that lead, and legs that make up for the
+rest.
 
-With the magnitude's time constant T, a thrust of ℓ under the constant command c has after a tick h, and in its mean,
+With the magnitude's time constant T, a thrust of ℓ under the constant command c has after a tick h,
+and in its mean,
 
     ℓ' = c + ρ (ℓ − c),    ρ = e^(−h/T);        u = c + m (ℓ − c),    m = (1 − ρ) T / h.
 
 A controller solves its program twice:
 
-1. With thrusts free. Commands lead: as far as limits allow, thrusts follow the program's by the lag T_f = 10 ms in
-   place of T, c = ℓ + (1 − ρ_f)/(1 − ρ) (|u| − ℓ) with ρ_f = e^(−h/T_f). Noise is commanded some T/T_f times as large.
-   The cost of a thrust is w ((1 − s) |u|² + s |u − ρ ℓ d|²): the first part is its price, the second that of its change
-   from what is there without a command, in the last direction d. Up to a constant this is w |u − s ρ ℓ d|², so the
-   program has the thrusts beyond s ρ ℓ d as variables. Without the second part a thrust that is needed no more, and is
-   still there, points somewhere else in each tick.
-2. With the thrusts fixed at the u that follows from the commands, so that the legs do what the thrusts do not do yet.
+1. With thrusts free. Commands lead: as far as limits allow, thrusts follow the program's by the lag
+   T_f = 10 ms in place of T, c = ℓ + (1 − ρ_f)/(1 − ρ) (|u| − ℓ) with ρ_f = e^(−h/T_f). Noise is
+   commanded some T/T_f times as large. The cost of a thrust is w ((1 − s) |u|² + s |u − ρ ℓ d|²):
+   the first part is its price, the second that of its change from what is there without a command,
+   in the last direction d. Up to a constant this is w |u − s ρ ℓ d|², so the program has the
+   thrusts beyond s ρ ℓ d as variables. Without the second part a thrust that is needed no more, and
+   is still there, points somewhere else in each tick.
+2. With the thrusts fixed at the u that follows from the commands, so that the legs do what the
+   thrusts do not do yet.
 
-Where directions lag, too, their commands lead, too: they are farther on the great circle to where they should be.
-Neither thrust nor direction is measured: they are what the commands so far make of them.
+Where directions lag, too, their commands lead, too: they are farther on the great circle to where
+they should be. Neither thrust nor direction is measured: they are what the commands so far make of
+them.
 """
 
 from __future__ import annotations
@@ -46,7 +51,9 @@ LEAST = 1e-6
 FOLLOWED = 0.01
 """T_f, s: lag that leading commands leave."""
 FARTHEST = 2.5
-"""Largest angle between a thrust's direction and that of its command, rad: near π rounding chooses the great circle."""
+"""Largest angle between a thrust's direction and that of its command, rad: near π rounding chooses
+the great circle.
+"""
 CHANGE_SHARE = 0.8
 """s: share of a thrust's weight that is on its change."""
 
@@ -62,15 +69,23 @@ class ThrustLagRecord(RecordOf):
     turn_remaining: float  # share of the angle to the command's direction that a tick leaves
     least: Vector  # (thrust variables,) least ones of a program without lag, N
     largest: Vector  # (thrust variables,) the largest ones, N
-    goal: Vector = sized("thrusters")  # (thrusters,) of the last command: a magnitude, of a rotor its thrust, N
+    goal: Vector = sized(
+        "thrusters"
+    )  # (thrusters,) of the last command: a magnitude, of a rotor its thrust, N
     level: Vector = sized("thrusters")  # (thrusters,) at the beginning of the tick, N
-    direction: Vector = sized("thrusters", 3)  # (thrusters, 3) at the end of the last tick, body axes; not of rotors
-    kept: Vector = sized("thrusts")  # (thrust variables,) s ρ ℓ d, what the program's variables are counted from, N
+    direction: Vector = sized(
+        "thrusters", 3
+    )  # (thrusters, 3) at the end of the last tick, body axes; not of rotors
+    kept: Vector = sized(
+        "thrusts"
+    )  # (thrust variables,) s ρ ℓ d, what the program's variables are counted from, N
     present: Vector = sized("thrusts")  # (thrust variables,) in the mean of the tick, N
     settled: int = ZERO  # 0 before the first command
 
 
-def thrust_lag_record(robot: Robot, parameters: WholeBodyParameters) -> Records[ThrustLagRecord] | None:
+def thrust_lag_record(
+    robot: Robot, parameters: WholeBodyParameters
+) -> Records[ThrustLagRecord] | None:
     """What is known of a robot's thrusts; None where they have no lag."""
     lag, turning, period = parameters.thrust_lag, parameters.thrust_turning_lag, parameters.period
     if lag == turning == 0.0 or not robot.n_thrust:
@@ -114,7 +129,8 @@ def keep_thrusts(r: ThrustLagRecord, rotation: Vector) -> None:
 
 @kernel
 def count_from_kept(r: ThrustLagRecord, d: DynamicsRecord, sign: float) -> None:
-    """Make the thrusts beyond those kept the variables of the programs, by an external force in the bias.
+    """Make the thrusts beyond those kept the variables of the programs, by an external force in the
+    bias.
 
     The sign is 1, or −1 to undo it.
     """
@@ -122,7 +138,9 @@ def count_from_kept(r: ThrustLagRecord, d: DynamicsRecord, sign: float) -> None:
 
 
 @kernel
-def command_thrusts(r: ThrustLagRecord, d: DynamicsRecord, variables: Vector, command: Vector) -> None:
+def command_thrusts(
+    r: ThrustLagRecord, d: DynamicsRecord, variables: Vector, command: Vector
+) -> None:
     """Command the thrusts of a program's variables, N, and find those of this tick, ``present``.
 
     ``command`` (thrusters, 3) is written: world axes, N.
@@ -155,7 +173,9 @@ def _leading(r: ThrustLagRecord, k: int, desired: float, least: float, most: flo
 
 
 @kernel
-def _lead_direction(r: ThrustLagRecord, k: int, rotation: Vector, size: float, command: Vector) -> None:
+def _lead_direction(
+    r: ThrustLagRecord, k: int, rotation: Vector, size: float, command: Vector
+) -> None:
     """Make a command (3,) the direction, of length one, by which the thrust's follows its own.
 
     It is on the great circle through both, at most :data:`FARTHEST` from the thrust's.
@@ -178,7 +198,9 @@ def _lead_direction(r: ThrustLagRecord, k: int, rotation: Vector, size: float, c
 
 @kernel
 def bound_thrusts(r: ThrustLagRecord, fixed: bool, lower: Vector, upper: Vector) -> None:
-    """Bounds of a program: those of free thrusts, or, where these are ``fixed``, the thrusts of this tick."""
+    """Bounds of a program: those of free thrusts, or, where these are ``fixed``, the thrusts of
+    this tick.
+    """
     thrusts = r.present.shape[0]
     lower[:thrusts] = (r.present if fixed else r.least) - r.kept
     upper[:thrusts] = (r.present if fixed else r.largest) - r.kept
@@ -197,8 +219,12 @@ class LaggedTickRecord(CondensedTickRecord):
 
 
 @kernel(v="r.dynamics.bias", foot_force="r.targets.feet")
-def lagged_step(r: LaggedTickRecord, target: GaitTargetRecord, q: Vector, v: Vector, foot_force: Vector) -> int:
-    """The tick with thrusts that lag: the optimum twice, for the command, and for the thrusts that there are."""
+def lagged_step(
+    r: LaggedTickRecord, target: GaitTargetRecord, q: Vector, v: Vector, foot_force: Vector
+) -> int:
+    """The tick with thrusts that lag: the optimum twice, for the command, and for the thrusts that
+    there are.
+    """
     d, p, lag = r.dynamics, r.condensed, r.lag
     advance_thrusts(lag)
     r.verdict = task_terms(r, target, q, v, foot_force)

@@ -1,8 +1,9 @@
 """What the ticks of all controllers have in common: the command, and the answer to bad samples.
 
-The kernel of a tick takes an element of the controller's record, the gait's targets and what was measured, writes the
-command into the record, and returns a status. A sample or targets that are not finite are answered by the last command,
-which fades after ``HOLD_TICKS`` ticks. All arrays are as in :class:`harpy_pin.model.state.State`.
+The kernel of a tick takes an element of the controller's record, the gait's targets and what was
+measured, writes the command into the record, and returns a status. A sample or targets that are not
+finite are answered by the last command, which fades after ``HOLD_TICKS`` ticks. All arrays are as
+in :class:`harpy_pin.model.state.State`.
 """
 
 from __future__ import annotations
@@ -15,7 +16,9 @@ from harpy_pin.model.state import Vector
 BAD_SAMPLE = 16
 """Status: the state or the targets are not finite, or the gait turns and the controller cannot."""
 FALLBACK = 8
-"""Status: the program has no solution, or none was found: the last command is held, then the posture."""
+"""Status: the program has no solution, or none was found: the last command is held, then the
+posture.
+"""
 VIOLATED = 1
 """Status: the governor's constraint does not hold with the command given."""
 
@@ -45,7 +48,8 @@ def fading(r: TickRecord) -> float:
 def write_inputs(r: TickRecord, inputs: Vector, apart: bool) -> None:
     """The torques of inputs [u; τ]; after a bad sample the last command, which fades.
 
-    ``apart`` says whether the thrusts of the command, those of this tick, are other numbers than those of the inputs.
+    ``apart`` says whether the thrusts of the command, those of this tick, are other numbers than
+    those of the inputs.
     """
     first = inputs.shape[0] - r.torque.shape[0]
     factor = fading(r)

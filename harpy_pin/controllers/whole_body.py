@@ -1,4 +1,6 @@
-"""Whole-body controller: gait → task accelerations → quadratic program → joint torques and thrusts."""
+"""Whole-body controller: gait → task accelerations → quadratic program → joint torques and
+thrusts.
+"""
 
 from __future__ import annotations
 
@@ -25,7 +27,12 @@ from harpy_pin.controllers.thrust_lag import (
     thrust_lag_record,
 )
 from harpy_pin.controllers.tick import BAD_SAMPLE
-from harpy_pin.controllers.whole_body_tick import QP_TICKS, WholeBodyTargetsRecord, WholeBodyTickRecord, begin_tick
+from harpy_pin.controllers.whole_body_tick import (
+    QP_TICKS,
+    WholeBodyTargetsRecord,
+    WholeBodyTickRecord,
+    begin_tick,
+)
 from harpy_pin.errors import InputError, shown
 from harpy_pin.gaits.gait import Gait
 from harpy_pin.ground.contact_frame import turn_feet
@@ -51,31 +58,37 @@ from harpy_pin.wbc.active_set_warm_start import DualActiveSet, WarmStartedActive
 class WholeBodyController(TaskController):
     """Walks by solving a quadratic program at every tick.
 
-    Every tick is solved by the solver that the parameters name: ProxQP by default. With ``active_set``, this library's
-    own search, a tick is one compiled call (:mod:`harpy_pin.controllers.whole_body_tick`); it must be that for export
-    to C, and where a tick needs a bound in time. With every other solver, with thrusts that lag and with added tasks,
-    Python calls the same kernels around the solver: one crossing for gait, terms and program, then the solver, then
-    what its solution is read by. ``step`` does what :meth:`prepare`, :meth:`build`, :meth:`solve` and :meth:`finish` do
-    one after the other. They may be called (and timed) apart; between them :attr:`problem` can be inspected.
+    Every tick is solved by the solver that the parameters name: ProxQP by default. With
+    ``active_set``, this library's own search, a tick is one compiled call
+    (:mod:`harpy_pin.controllers.whole_body_tick`); it must be that for export to C, and where a
+    tick needs a bound in time. With every other solver, with thrusts that lag and with added tasks,
+    Python calls the same kernels around the solver: one crossing for gait, terms and program, then
+    the solver, then what its solution is read by. ``step`` does what :meth:`prepare`,
+    :meth:`build`, :meth:`solve` and :meth:`finish` do one after the other. They may be called (and
+    timed) apart; between them :attr:`problem` can be inspected.
 
-    Every solve is bounded in its iterations. Where a solver does not finish, the dual active-set method follows, which
-    finds a solution or proves that there is none; :attr:`fallbacks` counts the ticks. Where that fails, too, the last
-    good command is held for ``hold_ticks`` ticks; then a soft spring and damper hold the joints at the gait's posture,
-    without thrust. :attr:`failures` counts the ticks.
+    Every solve is bounded in its iterations. Where a solver does not finish, the dual active-set
+    method follows, which finds a solution or proves that there is none; :attr:`fallbacks` counts
+    the ticks. Where that fails, too, the last good command is held for ``hold_ticks`` ticks; then a
+    soft spring and damper hold the joints at the gait's posture, without thrust. :attr:`failures`
+    counts the ticks.
 
     A state whose time, q, v or foot forces are not all finite numbers is a bad sample, which
     :class:`~harpy_pin.controllers.gait_controller.GaitController` answers: nothing is solved.
 
     Args:
-        gait: where body and feet should be; the controller takes its own copy of a library's gait, with targets of its
-            own, so that one gait may serve several controllers.
+        gait: where body and feet should be; the controller takes its own copy of a library's gait,
+            with targets of its own, so that one gait may serve several controllers.
         parameters: gains, weights and limits; by default those that fit gait and robot
             (:meth:`WholeBodyParameters.for_gait`).
-        solver: makes a solver of your own for the program, instead of the one that the parameters name.
+        solver: makes a solver of your own for the program, instead of the one that the parameters
+            name.
 
     Attributes:
-        problem: the whole-body problem of the last tick; its ``program`` is what is solved, unless ranges were added.
-        added: tasks and ranges that :meth:`add` has put in, with the ``program`` that is solved; None without any.
+        problem: the whole-body problem of the last tick; its ``program`` is what is solved, unless
+            ranges were added.
+        added: tasks and ranges that :meth:`add` has put in, with the ``program`` that is solved;
+            None without any.
     """
 
     _made_anew = (*TaskController._made_anew, "_kernels_of_tick", "_parts_of_program", "_opening")
@@ -91,7 +104,9 @@ class WholeBodyController(TaskController):
     ) -> None:
         super().__init__(gait, parameters)
         p = self.parameters
-        self.problem: WholeBodyProblem = make_problem(p.formulation, self.robot, p.weights, p.limits)
+        self.problem: WholeBodyProblem = make_problem(
+            p.formulation, self.robot, p.weights, p.limits
+        )
         self._lag = thrust_lag_record(self.robot, p)
         self.added: AddedTasks | None = None
         self._make_solver = solver if solver is not None else partial(make_solver, p.solver)
@@ -129,11 +144,17 @@ class WholeBodyController(TaskController):
         checks.function("solver", self._make_solver, 1)
         self._solver = made = self._make_solver(program)
         if not (hasattr(made, "solve") and hasattr(made, "solution")):
-            raise InputError(f"solver must return a QPSolver, got {shown(made)}", name="solver", value=made)
+            raise InputError(
+                f"solver must return a QPSolver, got {shown(made)}", name="solver", value=made
+            )
         self._other_active = np.zeros(len(program.lower), np.int64)
         self._second = None if isinstance(made, WarmStartedActiveSet) else DualActiveSet(program)
         self._make_anew()
-        example, kernels, parts = State(0.0, *self._sample), self._kernels_of_tick, self._parts_of_program
+        example, kernels, parts = (
+            State(0.0, *self._sample),
+            self._kernels_of_tick,
+            self._parts_of_program,
+        )
         first = (self._record_, self.target._record_, *self._measured(example))
         if self._lag is None:
             self._step.prepare(*first, *self._parts)
@@ -154,14 +175,24 @@ class WholeBodyController(TaskController):
             keep_targets.prepare(self._record_, self._record_["motors"])
 
     def _make_anew(self) -> None:
-        """See :meth:`GaitController._make_anew`: one kernel where nothing of the program is Python's."""
+        """See :meth:`GaitController._make_anew`: one kernel where nothing of the program is
+        Python's.
+        """
         super()._make_anew()
         self._opening: Chain | None = None  # gait, terms and program in one crossing from Python
         self._kernels_of_tick = ticks = QP_TICKS[self.parameters.formulation]
         solver, problem = getattr(self, "_solver", None), self.problem
-        self._parts = self._parts_of_program = (problem._record_, problem._terms_, problem.program._record_)
+        self._parts = self._parts_of_program = (
+            problem._record_,
+            problem._terms_,
+            problem.program._record_,
+        )
         # Rows of added tasks come from Python, and with a lag of thrusts a tick is two solves.
-        self._in_python = type(solver) is not WarmStartedActiveSet or self.added is not None or self._lag is not None
+        self._in_python = (
+            type(solver) is not WarmStartedActiveSet
+            or self.added is not None
+            or self._lag is not None
+        )
         self._step = ticks.open
         if type(solver) is WarmStartedActiveSet and not self._in_python:
             self._step = ticks.step if self._command.law is None else ticks.step_with_targets
@@ -182,7 +213,9 @@ class WholeBodyController(TaskController):
 
     @property
     def fallbacks(self) -> int:
-        """Ticks in which the solver did not finish and the dual method followed, since the last reset."""
+        """Ticks in which the solver did not finish and the dual method followed, since the last
+        reset.
+        """
         return int(self._fallbacks)
 
     def add(
@@ -195,14 +228,16 @@ class WholeBodyController(TaskController):
     ) -> AddedTask:
         """Add a task of your own to the program, with a weight, a range, or both.
 
-        The error of a task is A x − b, in accelerations and contact forces x = [a; f]. Those of this library are in
-        :mod:`harpy_pin.wbc.tasks`. A range is hard: where it leaves no solution, the tick is a failure, see above. It
-        makes the program larger, so that the solvers start anew and are compiled for the new size.
+        The error of a task is A x − b, in accelerations and contact forces x = [a; f]. Those of
+        this library are in :mod:`harpy_pin.wbc.tasks`. A range is hard: where it leaves no
+        solution, the tick is a failure, see above. It makes the program larger, so that the solvers
+        start anew and are compiled for the new size.
 
         Args:
-            task: any object with a method ``rows(dynamics, state) -> (A, b)``, see :class:`~harpy_pin.wbc.Task`.
-            weight: of the squares of the error, (m,) or one for all m rows. Those of the program's own tasks are in
-                :class:`~harpy_pin.wbc.weights.WholeBodyWeights`.
+            task: any object with a method ``rows(dynamics, state) -> (A, b)``, see
+                :class:`~harpy_pin.wbc.Task`.
+            weight: of the squares of the error, (m,) or one for all m rows. Those of the program's
+                own tasks are in :class:`~harpy_pin.wbc.weights.WholeBodyWeights`.
             lower: least error, (m,) or one for all rows; without it there is none.
             upper: largest error, (m,) or one for all rows; without it there is none.
 
@@ -210,13 +245,16 @@ class WholeBodyController(TaskController):
             The task in the program: its ``matrix`` A, ``target`` b and ``error`` after each tick.
 
         Raises:
-            InputError: neither weight nor range, or one out of its domain; rows that do not fit; a frame, joint or foot
-                that the robot does not have; a task that the formulation has no place for.
+            InputError: neither weight nor range, or one out of its domain; rows that do not fit; a
+                frame, joint or foot that the robot does not have; a task that the formulation has
+                no place for.
         """
         added = AddedTasks(self.problem) if self.added is None else self.added
         q, v = self.gait.initial_state()
         feet = np.zeros((len(self.robot.feet), 3))
-        result = added.add(task, State(0.0, q, v, feet, feet, feet), weight=weight, lower=lower, upper=upper)
+        result = added.add(
+            task, State(0.0, q, v, feet, feet, feet), weight=weight, lower=lower, upper=upper
+        )
         self.added = added
         if added.program is not self._program or not self._in_python:
             self._use(added.program)
@@ -247,10 +285,14 @@ class WholeBodyController(TaskController):
         return self._command
 
     def _answer_in_python(self, target: Records[Any], state: State) -> int:
-        """The phases one after the other, where something of the program is Python's, or thrusts lag."""
+        """The phases one after the other, where something of the program is Python's, or thrusts
+        lag.
+        """
         if self._lag is not None:
             return self._answer_with_lag(self._lag, target, state)
-        return self._go_on(self._step(self._record_, target, *self._measured(state), *self._parts), state)
+        return self._go_on(
+            self._step(self._record_, target, *self._measured(state), *self._parts), state
+        )
 
     def _go_on(self, opened: int, state: State) -> int:
         """The rest of a tick, from the status on with which its kernel has built the program."""
@@ -261,8 +303,12 @@ class WholeBodyController(TaskController):
         self._finish(state, self._solve(gives_way=True))
         return 0
 
-    def _answer_with_lag(self, lag: Records[ThrustLagRecord], target: Records[Any], state: State) -> int:
-        """A tick of thrusts that lag: the program that chooses their commands, then that of this tick's thrusts."""
+    def _answer_with_lag(
+        self, lag: Records[ThrustLagRecord], target: Records[Any], state: State
+    ) -> int:
+        """A tick of thrusts that lag: the program that chooses their commands, then that of this
+        tick's thrusts.
+        """
         advance_thrusts(lag)
         if begin_tick(self._record_, target, *self._measured(state)) != GOOD:
             return self._keep_targets()
@@ -279,10 +325,12 @@ class WholeBodyController(TaskController):
         return BAD_SAMPLE
 
     def _choose_thrusts(self, lag: Records[ThrustLagRecord], state: State) -> bool:
-        """Command the thrusts of the program without lag, and fix those of this tick in the program.
+        """Command the thrusts of the program without lag, and fix those of this tick in the
+        program.
 
         Returns:
-            Whether torques are beyond their limits in its solution without limits, which both programs share.
+            Whether torques are beyond their limits in its solution without limits, which both
+            programs share.
         """
         lower, upper, last = *self.problem.thrust_bounds, self._inputs.copy()
         keep_thrusts(lag, self.dynamics.rotation)
@@ -298,7 +346,9 @@ class WholeBodyController(TaskController):
         return self._gave_way
 
     def _swap_active(self) -> None:
-        """Take up the other one of the two programs of a tick in which thrusts lag, and its active set."""
+        """Take up the other one of the two programs of a tick in which thrusts lag, and its active
+        set.
+        """
         if isinstance(self._solver, WarmStartedActiveSet):
             self._solver._swap_active(self._other_active)
 
@@ -314,7 +364,9 @@ class WholeBodyController(TaskController):
         state = as_state(state, self.robot)
         if begin_tick(self._record_, self._plan(state)._record_, *self._measured(state)) != GOOD:
             self._refuse_misfit(state)
-            raise InputError("the state is a bad sample, which step() answers without a program", name="state")
+            raise InputError(
+                "the state is a bad sample, which step() answers without a program", name="state"
+            )
 
     def build(self, state: State) -> WholeBodyProblem:
         """The quadratic program, ready to be solved.
@@ -345,7 +397,9 @@ class WholeBodyController(TaskController):
         return self.solution
 
     def _solve(self, *, gives_way: bool) -> bool:
-        """The solutions of a tick as its kernel has them, by a solver that may be Python's; whether there is one."""
+        """The solutions of a tick as its kernel has them, by a solver that may be Python's; whether
+        there is one.
+        """
         kernels, record, parts = self._kernels_of_tick, self._record_, self._parts_of_program
         usable = self._solve_once(further=False)
         self._gave_way = False
@@ -353,13 +407,16 @@ class WholeBodyController(TaskController):
             self._copy_added()
             self._gave_way = kernels.give_way(record, *parts, self._solve_once(further=True))
             self._copy_added()
-            usable = kernels.settle(record, *parts[1:], self._gave_way and self._solve_once(further=True))
+            usable = kernels.settle(
+                record, *parts[1:], self._gave_way and self._solve_once(further=True)
+            )
         elif usable and not gives_way:
             self.problem.kernels.inputs(*parts[1:], self._solution._z_, self._inputs)
         return usable
 
     def _solve_once(self, *, further: bool) -> bool:
-        """Solve the program as it is, where its solver does not finish by the dual method; whether that was possible.
+        """Solve the program as it is, where its solver does not finish by the dual method; whether
+        that was possible.
 
         It is a ``further`` one where it is not the first of the tick.
         """

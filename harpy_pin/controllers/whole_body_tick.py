@@ -1,9 +1,9 @@
 """The tick of the whole-body QP, in every formulation: phases, and one kernel that is made of them.
 
-The kernel has this library's own search (:mod:`harpy_pin.wbc.active_set_warm_start`). With another solver Python calls
-the phases, and that solver between them. A tick solves up to three programs: with limits of thrusts and torques;
-where one of them is reached, without them; and again with them, after tasks gave way
-(:mod:`harpy_pin.wbc.condensed.limits`).
+The kernel has this library's own search (:mod:`harpy_pin.wbc.active_set_warm_start`). With another
+solver Python calls the phases, and that solver between them. A tick solves up to three programs:
+with limits of thrusts and torques; where one of them is reached, without them; and again with them,
+after tasks gave way (:mod:`harpy_pin.wbc.condensed.limits`).
 """
 
 from __future__ import annotations
@@ -13,7 +13,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from harpy_pin.controllers.friction import note_inputs
-from harpy_pin.controllers.joint_targets import JointTargetsRecord, add_lacking, keep_targets, move_targets
+from harpy_pin.controllers.joint_targets import (
+    JointTargetsRecord,
+    add_lacking,
+    keep_targets,
+    move_targets,
+)
 from harpy_pin.controllers.tasks import TasksRecord, forces_in_world, task_terms
 from harpy_pin.controllers.tick import BAD_SAMPLE, FALLBACK, TickRecord, write_inputs
 from harpy_pin.gaits.gait import GaitTargetRecord
@@ -33,14 +38,20 @@ from harpy_pin.wbc.problem import FormulationRecord
 OPEN = 32
 """Status of a tick whose program is built, and not solved yet."""
 STIFFNESS, DAMPING = 50.0, 1.0
-"""Stiffness and damping of the joints where the program has no solution for long, N·m/rad and N·m·s/rad."""
+"""Stiffness and damping of the joints where the program has no solution for long, N·m/rad and
+N·m·s/rad.
+"""
 
 
 class WholeBodyTickRecord(TasksRecord, TickRecord):
     """The whole-body QP."""
 
-    inputs: Vector = sized("thrusts + joints")  # (thrust variables + joints,) [u; τ] of the command, N and N·m
-    unlimited: Vector = sized("thrusts + joints")  # (thrust variables + joints,) [u; τ] without limits, N and N·m
+    inputs: Vector = sized(
+        "thrusts + joints"
+    )  # (thrust variables + joints,) [u; τ] of the command, N and N·m
+    unlimited: Vector = sized(
+        "thrusts + joints"
+    )  # (thrust variables + joints,) [u; τ] without limits, N and N·m
     force: Vector = sized("3 feet")  # contact forces of the solution, world axes, N
     z: Vector  # (size,) solution
     found: Vector  # (size,) work space for that of the dual method
@@ -56,7 +67,9 @@ class WholeBodyTickRecord(TasksRecord, TickRecord):
     hold_ticks: int  # ticks in a row for which the last inputs are held in the place of failed ones
     held_for: int = ZERO  # ticks in a row in which there was no solution
     failures: int = ZERO  # ticks in which there was none, since the last reset
-    fallbacks: int = ZERO  # ticks in which the dual method followed the solver, since the last reset
+    fallbacks: int = (
+        ZERO  # ticks in which the dual method followed the solver, since the last reset
+    )
     lagging: int = ZERO  # 1 where thrusts lag, so that the command's are not those of the inputs
 
 
@@ -79,8 +92,12 @@ class ProgramTickRecord(RecordOf):
 
 
 @kernel(v="r.dynamics.bias", foot_force="r.targets.feet")
-def begin_tick(r: WholeBodyTickRecord, target: GaitTargetRecord, q: Vector, v: Vector, foot_force: Vector) -> int:
-    """Terms and tasks; after a bad sample the last command stays, and fades. Returns what the sample is."""
+def begin_tick(
+    r: WholeBodyTickRecord, target: GaitTargetRecord, q: Vector, v: Vector, foot_force: Vector
+) -> int:
+    """Terms and tasks; after a bad sample the last command stays, and fades. Returns what the
+    sample is.
+    """
     r.verdict = task_terms(r, target, q, v, foot_force)
     if r.verdict != GOOD:
         write_inputs(r, r.inputs, r.lagging != 0 or r.dynamics.rotor_axis.shape[0] > 0)
@@ -89,7 +106,9 @@ def begin_tick(r: WholeBodyTickRecord, target: GaitTargetRecord, q: Vector, v: V
 
 @kernel
 def _write_command(r: WholeBodyTickRecord, usable: bool, q: Vector, v: Vector) -> None:
-    """The command of the inputs; without a solution the last one for a while, then a soft spring without thrust."""
+    """The command of the inputs; without a solution the last one for a while, then a soft spring
+    without thrust.
+    """
     first = r.inputs.shape[0] - r.posture.shape[0]
     if usable:
         r.held_for = 0
@@ -108,7 +127,9 @@ def _write_command(r: WholeBodyTickRecord, usable: bool, q: Vector, v: Vector) -
 
 
 @kernel
-def _solve_once(r: WholeBodyTickRecord, qp: ProgramRecord, search: ActiveSetRecord, dual: DualRecord) -> bool:
+def _solve_once(
+    r: WholeBodyTickRecord, qp: ProgramRecord, search: ActiveSetRecord, dual: DualRecord
+) -> bool:
     """Solve one program of the tick, and say how; returns whether there is a solution."""
     r.outcome = solve_further(qp, search, dual, r.z, r.found)
     r.iterations, r.violation = search.iterations, search.violation
@@ -122,12 +143,20 @@ class TickKernels:
     step: Kernel[int]  # all of it with our own search, on the records of its parts
     step_of_one: Kernel[int]  # the same on one record, a :class:`ProgramTickRecord`
     open: Kernel[int]  # terms, tasks and program: what is before the first solution
-    relax: Kernel[bool]  # after the program with limits was solved, takes them out where one is reached; whether it did
-    # after that was solved, puts the limits in again; whether tasks gave way, so that one more follows
+    relax: Kernel[
+        bool
+        # after the program with limits was solved, takes them out where one is reached; whether it
+        # did
+    ]
+    # after that was solved, puts the limits in again; whether tasks gave way, so that one more
+    # follows
     give_way: Kernel[bool]
-    # takes that one's solution or, without one, what :func:`relax` kept; whether the tick has a solution
+    # takes that one's solution or, without one, what :func:`relax` kept; whether the tick has a
+    # solution
     settle: Kernel[bool]
-    finish: Kernel[int]  # forces and command of the solution, or the fallback; the status of the tick
+    finish: Kernel[
+        int
+    ]  # forces and command of the solution, or the fallback; the status of the tick
     targets: Kernel[None]  # joint targets of the solution, after :attr:`finish`
     step_with_targets: Kernel[int]  # :attr:`step`, and these
     step_of_one_with_targets: Kernel[int]  # :attr:`step_of_one`, and these
@@ -157,7 +186,11 @@ def _tick_of(name: str) -> TickKernels:
 
     @kernel
     def relax(
-        r: WholeBodyTickRecord, p: FormulationRecord, m: ContactMapRecord, qp: ProgramRecord, usable: bool
+        r: WholeBodyTickRecord,
+        p: FormulationRecord,
+        m: ContactMapRecord,
+        qp: ProgramRecord,
+        usable: bool,
     ) -> bool:
         if usable:
             read(m, qp, r.z, r.inputs)
@@ -170,7 +203,11 @@ def _tick_of(name: str) -> TickKernels:
 
     @kernel
     def give_way(
-        r: WholeBodyTickRecord, p: FormulationRecord, m: ContactMapRecord, qp: ProgramRecord, usable: bool
+        r: WholeBodyTickRecord,
+        p: FormulationRecord,
+        m: ContactMapRecord,
+        qp: ProgramRecord,
+        usable: bool,
     ) -> bool:
         beyond = False
         if usable:
@@ -183,7 +220,9 @@ def _tick_of(name: str) -> TickKernels:
         return beyond
 
     @kernel
-    def settle(r: WholeBodyTickRecord, m: ContactMapRecord, qp: ProgramRecord, usable: bool) -> bool:
+    def settle(
+        r: WholeBodyTickRecord, m: ContactMapRecord, qp: ProgramRecord, usable: bool
+    ) -> bool:
         if usable:
             read(m, qp, r.z, r.inputs)
             return True
@@ -234,12 +273,18 @@ def _tick_of(name: str) -> TickKernels:
         return finish(r, problem, terms, program, usable, q, v)
 
     @kernel
-    def qp_step_of_one(r: ProgramTickRecord, target: GaitTargetRecord, q: Vector, v: Vector, foot_force: Vector) -> int:
+    def qp_step_of_one(
+        r: ProgramTickRecord, target: GaitTargetRecord, q: Vector, v: Vector, foot_force: Vector
+    ) -> int:
         """A tick of the whole-body QP on one record; returns its status."""
-        return qp_step(r.control, target, q, v, foot_force, r.problem, r.terms, r.program, r.search, r.dual)
+        return qp_step(
+            r.control, target, q, v, foot_force, r.problem, r.terms, r.program, r.search, r.dual
+        )
 
     @kernel
-    def targets(r: WholeBodyTargetsRecord, m: ContactMapRecord, usable: bool, q: Vector, v: Vector) -> None:
+    def targets(
+        r: WholeBodyTargetsRecord, m: ContactMapRecord, usable: bool, q: Vector, v: Vector
+    ) -> None:
         if usable:
             read_acceleration(m, r.z, r.motors.acceleration)
         add_lacking(r.motors, r.targets.held, r.motors.acceleration, usable, v, r.torque)
@@ -269,10 +314,14 @@ def _tick_of(name: str) -> TickKernels:
     def step_of_one_with_targets(
         r: ProgramTickRecord, target: GaitTargetRecord, q: Vector, v: Vector, foot_force: Vector
     ) -> int:
-        return step_with_targets(r.control, target, q, v, foot_force, r.problem, r.terms, r.program, r.search, r.dual)
+        return step_with_targets(
+            r.control, target, q, v, foot_force, r.problem, r.terms, r.program, r.search, r.dual
+        )
 
     phases = (open_tick, relax, give_way, settle, finish, targets)
-    return TickKernels(qp_step, qp_step_of_one, *phases, step_with_targets, step_of_one_with_targets)
+    return TickKernels(
+        qp_step, qp_step_of_one, *phases, step_with_targets, step_of_one_with_targets
+    )
 
 
 QP_TICKS: dict[str, TickKernels] = {name: _tick_of(name) for name in FORMULATIONS}

@@ -1,18 +1,20 @@
 """Contact forces from motor torques, and which feet touch the ground.
 
-The rows of the equations of motion that belong to the joints leave over the torques of the contact forces,
+The rows of the equations of motion that belong to the joints leave over the torques of the contact
+forces,
 
     τ_f = M a + n + D v − τ − J_tᵀ u,
 
-with the acceleration of the body from the accelerometer and those of the joints from two measured velocities. A
-low-pass of the rate K makes of it the observer of the generalised momentum (De Luca and Mattone, ICRA 2003): the
-difference of velocities, low-passed, is no noisier than they are. The joints j that a leg shares with no other one give
-the least forces that explain their torques, f = J_j (J_jᵀ J_j + ε)⁻¹ τ_j.
+with the acceleration of the body from the accelerometer and those of the joints from two measured
+velocities. A low-pass of the rate K makes of it the observer of the generalised momentum (De Luca
+and Mattone, ICRA 2003): the difference of velocities, low-passed, is no noisier than they are. The
+joints j that a leg shares with no other one give the least forces that explain their torques, f =
+J_j (J_jᵀ J_j + ε)⁻¹ τ_j.
 
-The log-odds that a foot touches add up: of its normal force, (f_z / weight − load) / width; of the gait, which expects
-it on the ground or not (less surely a landing than a lift-off, which it commands); and of its speed, which no foot in
-contact has. For the gait a foot has also landed that is at rest where the ground is, late in its swing; the filter
-holds on to it when it carries load.
+The log-odds that a foot touches add up: of its normal force, (f_z / weight − load) / width; of the
+gait, which expects it on the ground or not (less surely a landing than a lift-off, which it
+commands); and of its speed, which no foot in contact has. For the gait a foot has also landed that
+is at rest where the ground is, late in its swing; the filter holds on to it when it carries load.
 """
 
 from __future__ import annotations
@@ -68,7 +70,9 @@ def observe_torques(
 
 @kernel
 def learn_joints(c: ContactRecord, stance: Vector, phase: Vector, period: float) -> None:
-    """Fit what the model of the joints lacks, where the gait says that a leg swings and touches nothing."""
+    """Fit what the model of the joints lacks, where the gait says that a leg swings and touches
+    nothing.
+    """
     keep = 1.0 - min(period / MEMORY, 1.0)
     for leg in range(c.leg_joints.shape[0]):
         swings = True
@@ -79,12 +83,16 @@ def learn_joints(c: ContactRecord, stance: Vector, phase: Vector, period: float)
         for i in range(c.leg_joints.shape[1]):
             row = c.leg_joints[leg, i]
             if swings and row >= 0:
-                _fit_joint(c.motion[row - 6], -c.residual[row - 6], c.sums[row - 6], c.joint[row - 6], keep)
+                _fit_joint(
+                    c.motion[row - 6], -c.residual[row - 6], c.sums[row - 6], c.joint[row - 6], keep
+                )
 
 
 @kernel
 def _fit_joint(x: Vector, y: float, s: Vector, found: Vector, keep: float) -> None:
-    """Least squares with forgetting, y = found · x, drawn to zero; none of the three is negative."""
+    """Least squares with forgetting, y = found · x, drawn to zero; none of the three is
+    negative.
+    """
     s *= keep
     s[:3] += x[0] * x
     s[3:5] += x[1] * x[1:]
@@ -121,7 +129,9 @@ def leg_forces(c: ContactRecord, d: DynamicsRecord) -> None:
                 c.force[k] = 0.0
                 for i in range(joints):
                     if c.leg_joints[leg, i] >= 0:
-                        c.force[k] += y[i] * d.foot_jacobian[3 * k : 3 * k + 3, c.leg_joints[leg, i]]
+                        c.force[k] += (
+                            y[i] * d.foot_jacobian[3 * k : 3 * k + 3, c.leg_joints[leg, i]]
+                        )
 
 
 @kernel
@@ -138,15 +148,23 @@ def contact_probability(
         if expected == 0.0:
             expected = min(max((phase[k] - EARLIEST) / (LATEST - EARLIEST), 0.0), 1.0)
         square = d.foot_velocity[k] @ d.foot_velocity[k]
-        odds = (c.force[k, 2] / c.weight[k] - c.load) / c.load_width + c.prior * (3.0 * expected - 2.0)
+        odds = (c.force[k, 2] / c.weight[k] - c.load) / c.load_width + c.prior * (
+            3.0 * expected - 2.0
+        )
         c.loaded[k] = 1 if odds > 0.0 else 0
         odds -= square / (c.foot_speed * c.foot_speed)
         c.probability[k] = _logistic(odds)
-        if stance[k] == 0.0 and expected == 1.0 and abs(d.foot_position[k, 2] - ground_height[k]) < c.near:
+        if (
+            stance[k] == 0.0
+            and expected == 1.0
+            and abs(d.foot_position[k, 2] - ground_height[k]) < c.near
+        ):
             odds += c.rest * max(1.0 - square / (c.rest_speed * c.rest_speed), 0.0)
         share = _logistic(odds)
         c.share[k] = 0.0 if c.of_sole[k] and share < LIKELY else share
-        if stance[k] == 0.0 and share >= LIKELY:  # it has landed: it carries what such a foot does at least
+        if (
+            stance[k] == 0.0 and share >= LIKELY
+        ):  # it has landed: it carries what such a foot does at least
             c.force[k, 2] = max(c.force[k, 2], c.load * c.weight[k])
 
 

@@ -32,7 +32,9 @@ GRAVITY = 9.81
 POINT_RATE, SOLE_RATE = 300.0, 150.0
 """Of the momentum observer, 1/s."""
 NEAR = 0.3
-"""Distance below which a foot is where the ground is, as a share of the noise of the ground's height."""
+"""Distance below which a foot is where the ground is, as a share of the noise of the ground's
+height.
+"""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,20 +43,22 @@ class EstimatorSettings:
 
     Attributes:
         foothold_density: random walk of a foot in stance, m/s/√Hz: soft ground, small slips.
-        foothold_noise: of a foot's place by kinematics, besides the encoders', m: links that bend, calibration.
-        height_noise: of the height of footholds about zero, m. Infinite for ground that is not level: then the robot's
-            height drifts like its place.
+        foothold_noise: of a foot's place by kinematics, besides the encoders', m: links that bend,
+            calibration.
+        height_noise: of the height of footholds about zero, m. Infinite for ground that is not
+            level: then the robot's height drifts like its place.
         gate: squared Mahalanobis distance of a foot's place from which on the foot has slipped.
-        force_rate: of the momentum observer, 1/s; None for 300 on points and 150 on flat feet, whose gait feels the sum
-            of four noisy points.
-        load: normal force of a foot as likely in contact as not, as a share of the robot's weight; of a contact point
-            of a flat foot the share of that share.
+        force_rate: of the momentum observer, 1/s; None for 300 on points and 150 on flat feet,
+            whose gait feels the sum of four noisy points.
+        load: normal force of a foot as likely in contact as not, as a share of the robot's weight;
+            of a contact point of a flat foot the share of that share.
         load_width: share of the same weight by which the log-odds of contact change by one.
-        prior: log-odds of contact that the gait's plan adds to a foot in stance or about to land; it takes off twice as
-            much in a swing.
+        prior: log-odds of contact that the gait's plan adds to a foot in stance or about to land;
+            it takes off twice as much in a swing.
         foot_speed: at which the log-odds of contact have fallen by one, m/s.
-        rest: log-odds of contact, for the gait, that a swing foot gains which is at rest where the ground is, late in
-            its swing. A foot that lands softly pushes less than the forces' noise.
+        rest: log-odds of contact, for the gait, that a swing foot gains which is at rest where the
+            ground is, late in its swing. A foot that lands softly pushes less than the forces'
+            noise.
         rest_speed: from which on it is not at rest, m/s.
         damping: of the least squares for the forces of a leg, m²; it keeps singular legs finite.
         tilt: standard deviation at the start, rad.
@@ -84,7 +88,9 @@ class EstimatorSettings:
             value, name = getattr(self, entry.name), f"estimator {entry.name}"
             endless = entry.name == "height_noise" and isinstance(value, float) and value == np.inf
             if not endless and (value is not None or entry.default is not None):
-                value = checks.number(name, value, low=0.0, high=1e6, strict=entry.name not in ("prior", "load"))
+                value = checks.number(
+                    name, value, low=0.0, high=1e6, strict=entry.name not in ("prior", "load")
+                )
             checks.keep(self, **{entry.name: value})
 
 
@@ -92,8 +98,8 @@ class EstimatorSettings:
 class Estimator(KeepsViews):
     """Where a robot is and how it moves, from what it feels itself.
 
-    Place and heading cannot be observed: they drift from where the estimate began. Equations and what to expect:
-    ``docs/estimation.md``. ::
+    Place and heading cannot be observed: they drift from where the estimate began. Equations and
+    what to expect: ``docs/estimation.md``. ::
 
         estimator = hp.Estimator(robot)
         while True:
@@ -101,13 +107,15 @@ class Estimator(KeepsViews):
             command = controller.step(state)
 
     Args:
-        robot: with joints as they are known (:meth:`~harpy_pin.model.robot.Robot.with_joints`). What friction and
-            armature they have besides is learned in swings, and counts as force of the ground before.
+        robot: with joints as they are known (:meth:`~harpy_pin.model.robot.Robot.with_joints`).
+            What friction and armature they have besides is learned in swings, and counts as force
+            of the ground before.
         imu: noise and place of the sensors.
         settings: the rest.
         period: time at which steps are expected, s. Each goes on by the time that has passed.
-        foot_radius: of round feet that roll, one for all or (feet,), m; by default what the robot's file says of them
-            (:attr:`Robot.foot_radius`). Their centres are the robot's feet, which stand on level ground at height zero.
+        foot_radius: of round feet that roll, one for all or (feet,), m; by default what the robot's
+            file says of them (:attr:`Robot.foot_radius`). Their centres are the robot's feet, which
+            stand on level ground at height zero.
 
     Attributes:
         record: all that the kernels know.
@@ -133,12 +141,16 @@ class Estimator(KeepsViews):
         feet = len(robot.feet)
         foot_radius = robot.foot_radius if foot_radius is None else foot_radius
         radius = np.full(feet, foot_radius) if np.ndim(foot_radius) == 0 else foot_radius
-        self.record = _record(robot, self.imu, self.settings, self.period, checks.vector("foot_radius", radius, feet))
+        self.record = _record(
+            robot, self.imu, self.settings, self.period, checks.vector("foot_radius", radius, feet)
+        )
         self.probability: Vector = field(self._record_["contact"], "probability")
         self._thrust: Vector = field(self._record_, "thrust")
         self._intended: Vector = field(self._record_, "intended")
         self._no_force = np.full(feet, np.nan)
-        self._nothing = SimpleNamespace(stance=np.full(feet, 0.5), phase=np.zeros(feet), ground_height=np.zeros(feet))
+        self._nothing = SimpleNamespace(
+            stance=np.full(feet, 0.5), phase=np.zeros(feet), ground_height=np.zeros(feet)
+        )
         self.signals: dict[str, NDArray[Any]] = {
             "estimated_q": field(self._record_, "q"),
             "estimated_v": field(self._record_, "v"),
@@ -157,8 +169,9 @@ class Estimator(KeepsViews):
         """Begin anew.
 
         Args:
-            q: (nq,) configuration at the next step. By default the body is at rest at the origin, as the first sample
-                of accelerometer and encoders tilts it, with its lowest foot on the ground.
+            q: (nq,) configuration at the next step. By default the body is at rest at the origin,
+                as the first sample of accelerometer and encoders tilts it, with its lowest foot on
+                the ground.
             v: (nv,) velocity; zero by default.
 
         Raises:
@@ -217,15 +230,19 @@ class Estimator(KeepsViews):
         """(3,) standard deviations of the place since the start, world axes, m."""
         return np.sqrt(np.diag(self._record_["filter"]["covariance"][0, 6:9, 6:9]))
 
-    def step(self, readings: Readings, target: Any = None, acceleration: Vector | None = None) -> State:
+    def step(
+        self, readings: Readings, target: Any = None, acceleration: Vector | None = None
+    ) -> State:
         """One step.
 
         Args:
             readings: of the sensors.
-            target: the gait's targets of the last tick (:class:`~harpy_pin.gaits.gait.GaitTarget`, such as a
-                controller's ``target``): which feet it expects on the ground. None: it expects nothing.
-            acceleration: (nv,) of all coordinates that the last command intends (a controller's ``acceleration``). For
-                half a second readings that are missing are those of this motion. None: the last ones stay.
+            target: the gait's targets of the last tick (:class:`~harpy_pin.gaits.gait.GaitTarget`,
+                such as a controller's ``target``): which feet it expects on the ground. None: it
+                expects nothing.
+            acceleration: (nv,) of all coordinates that the last command intends (a controller's
+                ``acceleration``). For half a second readings that are missing are those of this
+                motion. None: the last ones stay.
 
         Returns:
             The estimate; it shares memory with the next one.
@@ -233,7 +250,11 @@ class Estimator(KeepsViews):
         Raises:
             InputError: arrays of another robot, or targets that are not finite.
         """
-        intended = np.nan if acceleration is None else as_array("acceleration", acceleration, self._intended.shape)
+        intended = (
+            np.nan
+            if acceleration is None
+            else as_array("acceleration", acceleration, self._intended.shape)
+        )
         self._intended[...] = intended
         try:
             self._estimate(readings, target)
@@ -248,19 +269,36 @@ class Estimator(KeepsViews):
             if s.thrust.shape != (len(self.robot.thrusters), 3):
                 raise InputError("thrusts of another robot", name="readings.thrust")
             read_thrusts(self._record_["dynamics"], s.thrust, self._thrust)
-        legs, expected = (s.joint_position, s.joint_velocity, s.joint_torque), target or self._nothing
+        legs, expected = (
+            (s.joint_position, s.joint_velocity, s.joint_torque),
+            target or self._nothing,
+        )
         plan = (expected.stance, expected.phase, expected.ground_height)
-        if estimate(self._record_, s.t, s.gyroscope, s.accelerometer, *legs, force, *plan) == BAD_TARGET:
-            raise InputError("a target's stance, phase and ground_height must be finite", name="target", value=target)
+        if (
+            estimate(self._record_, s.t, s.gyroscope, s.accelerometer, *legs, force, *plan)
+            == BAD_TARGET
+        ):
+            raise InputError(
+                "a target's stance, phase and ground_height must be finite",
+                name="target",
+                value=target,
+            )
 
     def _fit(self, readings: Readings) -> Readings:
         """The same readings in arrays of the sizes that kernels take."""
-        s, joints, feet = checks.instance("readings", readings, Readings), len(self.robot.joints), len(self.robot.feet)
+        s, joints, feet = (
+            checks.instance("readings", readings, Readings),
+            len(self.robot.joints),
+            len(self.robot.feet),
+        )
         shapes: dict[str, tuple[int, ...]] = {"gyroscope": (3,), "accelerometer": (3,)}
         shapes |= dict.fromkeys(("joint_position", "joint_velocity", "joint_torque"), (joints,))
         shapes |= {"thrust": (len(self.robot.thrusters), 3)} if s.thrust is not None else {}
         shapes |= {"foot_force": (feet,)} if s.foot_force is not None else {}
-        arrays = {name: as_array(f"readings.{name}", getattr(s, name), shape) for name, shape in shapes.items()}
+        arrays = {
+            name: as_array(f"readings.{name}", getattr(s, name), shape)
+            for name, shape in shapes.items()
+        }
         return Readings(checks.number("readings.t", s.t), **arrays)
 
     def _expected(self, target: Any) -> Any:
@@ -268,7 +306,9 @@ class Estimator(KeepsViews):
         if target is None:
             return None
         names, feet = ("stance", "phase", "ground_height"), (len(self.robot.feet),)
-        arrays = {name: as_array(f"target.{name}", getattr(target, name, None), feet) for name in names}
+        arrays = {
+            name: as_array(f"target.{name}", getattr(target, name, None), feet) for name in names
+        }
         return SimpleNamespace(**arrays)
 
 
@@ -290,7 +330,10 @@ def _record(
             period=period,
             gravity=gravity,
             **{name: getattr(imu, name) for name in names},
-            **{name: getattr(s, name) for name in ("foothold_density", "foothold_noise", "height_noise", "gate")},
+            **{
+                name: getattr(s, name)
+                for name in ("foothold_density", "foothold_noise", "height_noise", "gate")
+            },
             encoder_noise=np.hypot(imu.encoder_noise, imu.encoder_resolution / np.sqrt(12.0)),
             start=np.array(start),
             innovation=0.0,
@@ -301,7 +344,15 @@ def _record(
             rate=s.force_rate or (POINT_RATE if max(robot.corners, default=1) == 1 else SOLE_RATE),
             **{
                 name: getattr(s, name)
-                for name in ("load", "load_width", "prior", "foot_speed", "rest", "rest_speed", "damping")
+                for name in (
+                    "load",
+                    "load_width",
+                    "prior",
+                    "foot_speed",
+                    "rest",
+                    "rest_speed",
+                    "damping",
+                )
             },
             weight=robot.mass * GRAVITY / np.repeat(robot.corners, robot.corners),
             of_sole=np.repeat(robot.corners, robot.corners) > 1,
@@ -338,7 +389,9 @@ def _record(
 
 
 def _legs(robot: Robot) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Columns in v of the joints that each leg alone has, and its contact points; −1 where there are fewer."""
+    """Columns in v of the joints that each leg alone has, and its contact points; −1 where there
+    are fewer.
+    """
     points_on: dict[tuple[int, ...], list[int]] = {}
     for leg in legs(robot):
         columns = tuple(robot.model.joints[j].idx_v for j in reversed(leg.joints))

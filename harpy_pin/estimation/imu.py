@@ -17,15 +17,18 @@ _ANY_SIGN = ("position", "orientation")
 
 @dataclass(frozen=True, kw_only=True)
 class Imu:
-    """The sensors of a robot without a camera. The defaults are of the class that quadrupeds of 10 to 20 kg have.
+    """The sensors of a robot without a camera. The defaults are of the class that quadrupeds of 10
+    to 20 kg have.
 
-    White noise is given as a density: a sample that is the mean of a period T has the standard deviation density / √T.
-    Biases are drawn once, with the given standard deviation on each axis, and walk from there.
+    White noise is given as a density: a sample that is the mean of a period T has the standard
+    deviation density / √T. Biases are drawn once, with the given standard deviation on each axis,
+    and walk from there.
 
     Attributes:
         position: (3,) of the inertial unit in the body, body axes, m.
         orientation: (3,) roll, pitch and yaw of its axes against the body's, rad.
-        rate: samples of the inertial unit per second; None for one at every tick. Between two the last one stays.
+        rate: samples of the inertial unit per second; None for one at every tick. Between two the
+            last one stays.
         gyroscope_density: rad/s/√Hz.
         gyroscope_bias: rad/s.
         gyroscope_walk: rad/s/√s.
@@ -39,7 +42,8 @@ class Imu:
         velocity_noise: white, of each joint velocity, rad/s.
         torque_error: standard deviation of the motors' gain, drawn once, as a share.
         torque_noise: white, of each torque, N·m.
-        foot_noise: white, of the normal force that each foot measures, N; None for feet that measure nothing.
+        foot_noise: white, of the normal force that each foot measures, N; None for feet that
+            measure nothing.
 
     Raises:
         InputError: a number that is negative or not finite.
@@ -71,7 +75,9 @@ class Imu:
                 values[name] = tuple(checks.vector(f"imu {name}", value, 3).tolist())
             elif value is not None or entry.default is not None:
                 strict = name.endswith(("range", "rate"))
-                values[name] = checks.number(f"imu {name}", value, low=0.0, high=MOST, strict=strict)
+                values[name] = checks.number(
+                    f"imu {name}", value, low=0.0, high=MOST, strict=strict
+                )
         checks.keep(self, **values)
 
     @property

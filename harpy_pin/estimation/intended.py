@@ -1,7 +1,9 @@
-"""What an estimator takes in the place of readings that are missing: the motion that the controller intends.
+"""What an estimator takes in the place of readings that are missing: the motion that the controller
+intends.
 
-Its optimum is an acceleration of all coordinates, which the command brings about where the model is right. Over some
-tenths of a second, without any reading, the robot moves by that, and the controller goes on as if it saw it.
+Its optimum is an acceleration of all coordinates, which the command brings about where the model is
+right. Over some tenths of a second, without any reading, the robot moves by that, and the
+controller goes on as if it saw it.
 """
 
 from __future__ import annotations

@@ -1,25 +1,29 @@
 """The contact-aided invariant extended Kalman filter.
 
-It is that of Hartley, Ghaffari, Eustice and Grizzle (IJRR 39(4), 2020), with footholds relative to the inertial unit.
-The state is the rotation R of body axes to the world, velocity v and position p of the inertial unit, the biases b_g
-and b_a, and for each foot in stance r_k = d_k − p, where d_k is its foothold. With gyroscope ω and accelerometer a,
+It is that of Hartley, Ghaffari, Eustice and Grizzle (IJRR 39(4), 2020), with footholds relative to
+the inertial unit. The state is the rotation R of body axes to the world, velocity v and position p
+of the inertial unit, the biases b_g and b_a, and for each foot in stance r_k = d_k − p, where d_k
+is its foothold. With gyroscope ω and accelerometer a,
 
     Ṙ = R [ω − b_g]×,   v̇ = R (a − b_a) + g,   ṗ = v,   ṙ_k = −v + u_k,
 
-u_k is the velocity of the centre of a round foot that rolls, zero for a point. Errors are right-invariant:
+u_k is the velocity of the centre of a round foot that rolls, zero for a point. Errors are
+right-invariant:
 
     R̂ = exp([ξ_R]×) R,   ξ_v = v̂ − exp([ξ_R]×) v,   ξ_k = r̂_k − exp([ξ_R]×) r_k,
     ζ_p = p̂ − p,   ζ_g = b̂_g − b_g,   ζ_a = b̂_a − b_a.
 
-To first order, with n_g and n_a the noise of gyroscope and accelerometer and n_k that of a foothold's velocity,
+To first order, with n_g and n_a the noise of gyroscope and accelerometer and n_k that of a
+foothold's velocity,
 
     ξ̇_R = R̂ (n_g − ζ_g)
     ξ̇_v = g × ξ_R + R̂ (n_a − ζ_a) + v̂ × R̂ (n_g − ζ_g)
     ζ̇_p = ξ_v − v̂ × ξ_R
     ξ̇_k = −ξ_v + r̂_k × R̂ (n_g − ζ_g) + n_k.
 
-Kinematics measure h_k = Rᵀ r_k in body axes. The innovation R̂ h_k − r̂_k is −ξ_k and noise, whatever the state is. So
-nothing that is estimated depends on the place in the world or on the heading, which cannot be observed: only p̂ does.
+Kinematics measure h_k = Rᵀ r_k in body axes. The innovation R̂ h_k − r̂_k is −ξ_k and noise,
+whatever the state is. So nothing that is estimated depends on the place in the world or on the
+heading, which cannot be observed: only p̂ does.
 """
 
 from __future__ import annotations
@@ -53,7 +57,9 @@ def begin_filter(f: FilterRecord) -> None:
 
 
 @kernel(angular_velocity=(3,), acceleration=(3,), rolling="f.foothold")
-def predict(f: FilterRecord, angular_velocity: Vector, acceleration: Vector, rolling: Vector) -> None:
+def predict(
+    f: FilterRecord, angular_velocity: Vector, acceleration: Vector, rolling: Vector
+) -> None:
     """Go on by a period with the inertial unit's sample (body axes, biases taken off).
 
     ``rolling`` (feet, 3) are the velocities of the centres of round feet in stance, m/s.
@@ -100,7 +106,9 @@ def _advance_rows(f: FilterRecord, p: Vector) -> None:
 
 @kernel
 def _turn_by_noise(f: FilterRecord) -> None:
-    """Noise of the gyroscope, which moves rotation, velocity and footholds together: into f.rows."""
+    """Noise of the gyroscope, which moves rotation, velocity and footholds together: into
+    f.rows.
+    """
     rows = f.rows
     rows[:] = 0.0
     rows[:, 0:3] = np.eye(3)
@@ -164,7 +172,8 @@ def _take_height(f: FilterRecord, k: int) -> None:
 def take_kinematics(f: FilterRecord, k: int, local: Vector, noise: Vector) -> bool:
     """Correct by where kinematics say that a foot in stance is; arguments as of :func:`touch_down`.
 
-    Returns whether the measurement was taken: one beyond the gate is not, because the foot has slipped.
+    Returns whether the measurement was taken: one beyond the gate is not, because the foot has
+    slipped.
     """
     p, m, rows = f.covariance, ERRORS + 3 * k, f.rows
     off = f.rotation @ local - f.foothold[k]

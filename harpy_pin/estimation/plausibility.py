@@ -1,6 +1,8 @@
-"""Whether readings can be true: against gravity, the weight on the feet, the legs and the filter's covariance.
+"""Whether readings can be true: against gravity, the weight on the feet, the legs and the filter's
+covariance.
 
-Where they were not, or loaded feet agree with each other and not with the estimate, the estimate begins anew.
+Where they were not, or loaded feet agree with each other and not with the estimate, the estimate
+begins anew.
 """
 
 from __future__ import annotations
@@ -15,7 +17,16 @@ from harpy_pin.model.state import Vector
 from harpy_pin.model.vectors import exp
 
 GOOD, NO_SAMPLE, STUCK, SATURATED, INCONSISTENT, BACKWARDS, GAP = 0, 1, 2, 3, 4, 5, 6
-CLOCK, UNLOADED, WEIGHTLESS, UPSIDE_DOWN, TURNING, NO_FOOTHOLD, UNSURE, BAD_TARGET = 7, 8, 9, 10, 11, 12, 13, 14
+CLOCK, UNLOADED, WEIGHTLESS, UPSIDE_DOWN, TURNING, NO_FOOTHOLD, UNSURE, BAD_TARGET = (
+    7,
+    8,
+    9,
+    10,
+    11,
+    12,
+    13,
+    14,
+)
 """Status of a step, see :attr:`harpy_pin.estimation.estimator.Estimator.status`."""
 SAME = 50
 """Equal samples of the gyroscope in a row that no working one gives."""
@@ -24,10 +35,13 @@ EXPECTED = 3.0
 INCONSISTENCY = 3.0
 """Factor on it that says that the readings do not belong together."""
 BIASED, SHAKEN = 8.0, 12.0
-"""Estimated biases of gyroscope and accelerometer that say the same, in standard deviations of the sensor. Contacts
-that shake the robot and creep look like up to ten of an accelerometer."""
+"""Estimated biases of gyroscope and accelerometer that say the same, in standard deviations of the
+sensor. Contacts that shake the robot and creep look like up to ten of an accelerometer.
+"""
 PAUSES = 3
-"""Longer pauses in a row, from which on the clock has another unit: steps are then taken to be a period apart."""
+"""Longer pauses in a row, from which on the clock has another unit: steps are then taken to be a
+period apart.
+"""
 AGREE = 0.3
 """Difference between the velocities by two loaded feet that both stand, m/s."""
 LOST = 0.05
@@ -37,18 +51,25 @@ ANEW = (0.1, 0.1)
 AVERAGE = 1.0
 """Time constant of the means that accelerometer, gyroscope and forces are judged by, s."""
 LIGHT, HEAVY = 0.5, 2.0
-"""Shares of gravity between which the accelerometer's mean is. Jumps of 0.3 m in a row have 0.87 to 1.18."""
+"""Shares of gravity between which the accelerometer's mean is. Jumps of 0.3 m in a row have 0.87 to
+1.18.
+"""
 UPRIGHT = 0.5
 """Cosine of the largest angle between the accelerometer's mean and the estimate's vertical."""
 BORNE = 0.5
-"""Share of the weight that feet and thrusters bear in the mean at least; they bear 0.98 to 1.03 of it in walks, and
-0.77 in jumps."""
+"""Share of the weight that feet and thrusters bear in the mean at least; they bear 0.98 to 1.03 of
+it in walks, and 0.77 in jumps.
+"""
 TURNS = 0.03
-"""Speed at which loaded feet move against each other by the gyroscope alone, m/s; a good one stays below zero."""
+"""Speed at which loaded feet move against each other by the gyroscope alone, m/s; a good one stays
+below zero.
+"""
 FLIGHT = 1.0
 """Time without a foothold from which on it is said, s. Jumps of 0.3 m last 0.8 s with thrusters."""
 KNOWN = 0.025
-"""Standard deviation of the velocity up to which an estimate is good, m/s: with probability 0.95 within 5 cm/s."""
+"""Standard deviation of the velocity up to which an estimate is good, m/s: with probability 0.95
+within 5 cm/s.
+"""
 SETTLES = 0.1
 """Time after new footholds for which feet may still be wrongly in contact, s."""
 SMALL = 1e-9
@@ -66,7 +87,9 @@ def level(e: EstimatorRecord) -> None:
 
 @kernel
 def weigh(e: EstimatorRecord) -> None:
-    """Means of what the accelerometer feels, and of what feet and thrusters bear of each kilogram, body axes, m/s²."""
+    """Means of what the accelerometer feels, and of what feet and thrusters bear of each kilogram,
+    body axes, m/s².
+    """
     d, share = e.dynamics, min(e.period / AVERAGE, 1.0)
     borne = e.contact.force.reshape((e.contact.force.size,)) @ d.foot_jacobian[:, :3]
     if e.thrust.shape[0] > 0:
@@ -90,8 +113,9 @@ def compare(e: EstimatorRecord) -> None:
 def believe_feet(e: EstimatorRecord) -> None:
     """Begin anew where loaded feet agree with each other for a while, and none with the estimate.
 
-    A foot that the estimate lets move too fast is not in contact for it, so that nothing else could correct it. It also
-    begins anew once readings are plausible again that were not, and whose biases and tilt were wrong.
+    A foot that the estimate lets move too fast is not in contact for it, so that nothing else could
+    correct it. It also begins anew once readings are plausible again that were not, and whose
+    biases and tilt were wrong.
     """
     c, mean, own = e.contact, np.zeros(6), np.zeros((e.local_foot.shape[0], 6))
     wrong = WEIGHTLESS <= e.status <= TURNING
@@ -166,7 +190,12 @@ def judge(e: EstimatorRecord, good: bool, periods: float) -> int:
         return UNLOADED
     if e.turning > TURNS * TURNS:
         return TURNING
-    consistent = f.innovation <= INCONSISTENCY * EXPECTED and e.lost == 0.0 and e.astray == 0 and e.up > UPRIGHT
+    consistent = (
+        f.innovation <= INCONSISTENCY * EXPECTED
+        and e.lost == 0.0
+        and e.astray == 0
+        and e.up > UPRIGHT
+    )
     unsure = e.loose > FLIGHT or e.settling > 0.0
     for i in range(3):
         consistent = consistent and abs(f.gyroscope_bias[i]) <= BIASED * f.start[9 + i]

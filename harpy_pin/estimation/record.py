@@ -10,7 +10,9 @@ from harpy_pin.model.record import ZERO, RecordOf, sized
 from harpy_pin.model.state import Vector
 
 ERRORS = 15
-"""Errors before those of the footholds: rotation, velocity, position, biases of gyroscope and accelerometer."""
+"""Errors before those of the footholds: rotation, velocity, position, biases of gyroscope and
+accelerometer.
+"""
 
 
 class FilterRecord(RecordOf):
@@ -25,7 +27,9 @@ class FilterRecord(RecordOf):
     foothold_density: float  # of the velocity of a foot in stance, m/s/√Hz
     encoder_noise: float  # rad
     foothold_noise: float  # of a foot's position by kinematics, besides that of the encoders, m
-    height_noise: float  # of the ground's height under a foothold, m; infinite where it is not known
+    height_noise: (
+        float  # of the ground's height under a foothold, m; infinite where it is not known
+    )
     gate: float  # squared Mahalanobis distance from which on a foot has slipped
     start: Vector  # (15,) standard deviations at the start
     rotation: Vector = sized(3, 3)  # body axes to world
@@ -33,8 +37,12 @@ class FilterRecord(RecordOf):
     position: Vector = sized(3)  # of the inertial unit, m
     gyroscope_bias: Vector = sized(3)  # body axes, rad/s
     accelerometer_bias: Vector = sized(3)  # body axes, m/s²
-    foothold: Vector = sized("feet", 3)  # place of each foot in stance less that of the inertial unit, m
-    held: NDArray[np.int64] = sized("feet", whole=True)  # (feet,) 1 while a foothold is part of the filter
+    foothold: Vector = sized(
+        "feet", 3
+    )  # place of each foot in stance less that of the inertial unit, m
+    held: NDArray[np.int64] = sized(
+        "feet", whole=True
+    )  # (feet,) 1 while a foothold is part of the filter
     covariance: Vector = sized("3 feet + 15", "3 feet + 15")  # of the errors
     work: Vector = sized("3 feet + 15", "3 feet + 15")
     rows: Vector = sized(3, "3 feet + 15")
@@ -56,18 +64,28 @@ class ContactRecord(RecordOf):
     damping: float  # that makes the forces of singular legs finite, m²
     weight: Vector  # (feet,) of the robot, N, divided by how many contact points each foot has
     of_sole: NDArray[np.int64]  # (feet,) 1 for a contact point of a flat foot
-    leg_joints: NDArray[np.int64]  # (legs, joints) columns in v of the joints that no other leg has; −1 beyond the last
+    leg_joints: NDArray[
+        np.int64
+    ]  # (legs, joints) columns in v of the joints that no other leg has; −1 beyond the last
     leg_feet: NDArray[np.int64]  # (legs, feet) contact points of each leg; −1 beyond the last
     left: Vector = sized("nv")  # forces that motors and thrusters do not explain, N and N·m
     external: Vector = sized("joints")  # torques of the contact forces, N·m
-    residual: Vector = sized("joints")  # the same with those that the model of the joints lacks, low-passed, N·m
+    residual: Vector = sized(
+        "joints"
+    )  # the same with those that the model of the joints lacks, low-passed, N·m
     motion: Vector = sized("joints", 3)  # acceleration, velocity and its smooth sign, low-passed
-    sums: Vector = sized("joints", 9)  # of the products of these and the residual, while a leg swings
-    joint: Vector = sized("joints", 3)  # armature, damping, dry friction that the model lacks: kg m², N·m·s/rad, N·m
+    sums: Vector = sized(
+        "joints", 9
+    )  # of the products of these and the residual, while a leg swings
+    joint: Vector = sized(
+        "joints", 3
+    )  # armature, damping, dry friction that the model lacks: kg m², N·m·s/rad, N·m
     force: Vector = sized("feet", 3)  # of the ground on each foot, world, N
     probability: Vector = sized("feet")  # of contact
     share: Vector = sized("feet")  # of the force that is believed
-    loaded: NDArray[np.int64] = sized("feet", whole=True)  # (feet,) 1 where force and gait alone say contact
+    loaded: NDArray[np.int64] = sized(
+        "feet", whole=True
+    )  # (feet,) 1 where force and gait alone say contact
     velocity: Vector = sized("nv")  # of the last step
     acceleration: Vector = sized("nv")  # of this step
     normal: Vector  # (most joints of a leg, as many)
@@ -93,23 +111,32 @@ class EstimatorRecord(RecordOf):
     begun: int = ZERO  # 1 from the first good sample on
     saturated: int = ZERO
     thrust: Vector = sized("thrusts")  # variables of the thrusters since the last step, N
-    intended: Vector = sized("nv")  # acceleration that the controller intends, NaN where there is none
+    intended: Vector = sized(
+        "nv"
+    )  # acceleration that the controller intends, NaN where there is none
     weight: float  # of the robot, N
     status: int = ZERO
     same_in_a_row: int = ZERO
     late_in_a_row: int = ZERO
     pauses_in_a_row: int = ZERO
     missing: float  # periods in a row without a good sample of the inertial unit
-    felt: Vector = sized(6)  # means of accelerometer, and of forces of feet and thrusters per mass, body axes, m/s²
+    felt: Vector = sized(
+        6
+    )  # means of accelerometer, and of forces of feet and thrusters per mass, body axes, m/s²
     gravity: float  # mean of the accelerometer as a share of gravity
-    borne: float  # share of the weight that feet and thrusters bear in the mean, along that of the accelerometer
+    # share of the weight that feet and thrusters bear in the mean, along that of the accelerometer
+    borne: float
     up: float  # cosine of the angle between the accelerometer's mean and the estimate's vertical
-    astray: int = ZERO  # 1 while readings have been implausible, and the estimate has not begun anew since
-    turning: float  # mean square speed of loaded feet against each other that only the gyroscope sees, m²/s²
+    astray: int = (
+        ZERO  # 1 while readings have been implausible, and the estimate has not begun anew since
+    )
+    # mean square speed of loaded feet against each other that only the gyroscope sees, m²/s²
+    turning: float
     unread: float  # time since the joints were read, s
     settling: float  # time for which the velocity is not called known yet, s
     loose: float  # time since a foothold was measured, s
-    lost: float  # time for which loaded feet have agreed with each other, and not with the estimate, s
+    # time for which loaded feet have agreed with each other, and not with the estimate, s
+    lost: float
     angular_velocity: Vector = sized(3)  # body axes, less the bias, rad/s
     raw_angular_velocity: Vector = sized(3)  # of the last good sample, body axes, rad/s
     raw_acceleration: Vector = sized(3)  # of the last good sample, body axes, m/s²

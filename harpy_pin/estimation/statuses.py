@@ -1,4 +1,6 @@
-"""What the estimator says of its readings: a name for each status, and a sentence with its cause."""
+"""What the estimator says of its readings: a name for each status, and a sentence with its
+cause.
+"""
 
 from __future__ import annotations
 
@@ -29,7 +31,8 @@ EXPLANATIONS = {
     status.SATURATED: "gyroscope or accelerometer is at its range",
     status.INCONSISTENT: "innovations or biases are far beyond their covariance, as those of a "
     "wrongly mounted inertial unit, or loaded feet agree with each other and not with the estimate",
-    status.BACKWARDS: "the time goes back, stays, or goes on by less than a twentieth of the period "
+    status.BACKWARDS: "the time goes back, stays, or goes on by less than a twentieth of the "
+    "period "
     "of {period:g} s; it must be in s",
     status.GAP: "more than one and a half periods of {period:g} s have passed",
     status.CLOCK: "each step is more than 100 periods of {period:g} s after the last one; the time "
@@ -37,15 +40,19 @@ EXPLANATIONS = {
     status.WEIGHTLESS: "over a second the accelerometer's mean is {felt:.3g} m/s² and not "
     "9.81; near 1 it is in units of g, near 0 gravity was taken off, near 96 it was "
     "multiplied by g twice; or the robot falls",
-    status.UPSIDE_DOWN: "over a second the accelerometer feels gravity upwards, or the legs pull the "
+    status.UPSIDE_DOWN: "over a second the accelerometer feels gravity upwards, or the legs pull "
+    "the "
     "body down; it must say (0, 0, +9.81) m/s² at rest, upright, and torques must have the sign of "
     "the joints' axes",
-    status.UNLOADED: "over a second feet and thrusters bore {borne:.0%} of the weight; the robot is "
+    status.UNLOADED: "over a second feet and thrusters bore {borne:.0%} of the weight; the robot "
+    "is "
     "carried or lies, or torques or foot sensors are wrong; the velocity's standard deviation is "
     "{deviation:.2g} m/s",
-    status.TURNING: "by the gyroscope feet that stand move against each other, by the encoders they "
+    status.TURNING: "by the gyroscope feet that stand move against each other, by the encoders "
+    "they "
     "do not; it must be in rad/s, and may be in degrees per second",
-    status.NO_FOOTHOLD: "no foot has held for so long that the velocity's standard deviation is {deviation:.2g} m/s",
+    status.NO_FOOTHOLD: "no foot has held for so long that the velocity's standard deviation is "
+    "{deviation:.2g} m/s",
     status.UNSURE: "samples were missing, or the estimate began anew, and feet have not held long "
     "enough since; the velocity's standard deviation is {deviation:.2g} m/s",
     status.BAD_TARGET: "the target's stance, phase or ground height is not a number",

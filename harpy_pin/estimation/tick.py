@@ -4,9 +4,22 @@ from __future__ import annotations
 
 import numpy as np
 
-from harpy_pin.estimation.contact import LIKELY, contact_probability, learn_joints, leg_forces, observe_torques
+from harpy_pin.estimation.contact import (
+    LIKELY,
+    contact_probability,
+    learn_joints,
+    leg_forces,
+    observe_torques,
+)
 from harpy_pin.estimation.intended import feel_intended, is_intended, move_joints
-from harpy_pin.estimation.invariant_filter import begin_filter, leave, predict, slide, take_kinematics, touch_down
+from harpy_pin.estimation.invariant_filter import (
+    begin_filter,
+    leave,
+    predict,
+    slide,
+    take_kinematics,
+    touch_down,
+)
 from harpy_pin.estimation.plausibility import (
     BACKWARDS,
     BAD_TARGET,
@@ -37,7 +50,9 @@ SWING = 0.05
 DOUBT = (2.0, 20.0)
 """Error of angular velocity, rad/s, and acceleration, m/s², in a period without a good sample."""
 SHORT, INTERPOLATED = 10.0, 0.1
-"""Periods over which a line between two samples is as good as those between, and its share of that error beyond."""
+"""Periods over which a line between two samples is as good as those between, and its share of that
+error beyond.
+"""
 AS_INTENDED = 0.01
 """Share of the variance of that error where the motion is the intended one."""
 MAX_ACCELERATION = 1e4
@@ -70,8 +85,8 @@ def estimate(
 ) -> int:
     """One step; see :meth:`harpy_pin.estimation.estimator.Estimator.step`, whose arrays these are.
 
-    ``normal_force`` (feet,) is that of foot sensors, N, NaN where there is none. Thrusts are in the record.
-    Returns the status.
+    ``normal_force`` (feet,) is that of foot sensors, N, NaN where there is none. Thrusts are in the
+    record. Returns the status.
     """
     if not (all_possible(stance) and all_possible(phase) and all_possible(ground_height)):
         e.status = BAD_TARGET
@@ -124,7 +139,9 @@ def estimate(
         observe_torques(e.contact, e.dynamics, e.v, torque, e.thrust, e.unread)
         learn_joints(e.contact, stance, phase, e.filter.period)
         leg_forces(e.contact, e.dynamics)
-        e.contact.force[:, 2] = np.where(abs(normal_force) < np.inf, normal_force, e.contact.force[:, 2])
+        e.contact.force[:, 2] = np.where(
+            abs(normal_force) < np.inf, normal_force, e.contact.force[:, 2]
+        )
         weigh(e)
         contact_probability(e.contact, e.dynamics, stance, phase, ground_height)
         _use_feet(e)
@@ -136,10 +153,14 @@ def estimate(
 
 @kernel
 def _read_unit(e: EstimatorRecord, gyroscope: Vector, accelerometer: Vector) -> bool:
-    """Keep the inertial unit's sample in body axes; a bad one leaves the last one. Returns whether it was good."""
+    """Keep the inertial unit's sample in body axes; a bad one leaves the last one. Returns whether
+    it was good.
+    """
     if not (all_possible(gyroscope) and all_possible(accelerometer)):
         return False
-    beyond = np.any(abs(gyroscope) >= e.gyroscope_range) | np.any(abs(accelerometer) >= e.accelerometer_range)
+    beyond = np.any(abs(gyroscope) >= e.gyroscope_range) | np.any(
+        abs(accelerometer) >= e.accelerometer_range
+    )
     e.saturated = 1 if beyond else 0
     w = e.mounting @ gyroscope
     same = np.all(w == e.raw_angular_velocity)
@@ -154,7 +175,9 @@ def _read_unit(e: EstimatorRecord, gyroscope: Vector, accelerometer: Vector) -> 
 
 @kernel
 def _begin(e: EstimatorRecord) -> None:
-    """The first step: with the tilt that the accelerometer says, and the lowest foot on the ground, where asked to."""
+    """The first step: with the tilt that the accelerometer says, and the lowest foot on the ground,
+    where asked to.
+    """
     begin_filter(e.filter)
     e.felt[:3], e.felt[3:] = e.raw_acceleration, e.raw_acceleration
     compare(e)
@@ -170,7 +193,8 @@ def _begin(e: EstimatorRecord) -> None:
 
 @kernel
 def _doubt(e: EstimatorRecord, gap: float) -> None:
-    """Let rotation and velocity be less certain, after periods without a good sample and a gap of others.
+    """Let rotation and velocity be less certain, after periods without a good sample and a gap of
+    others.
 
     Over a gap the error may be as large as the difference between the samples at its ends.
     """
@@ -194,7 +218,9 @@ def _place_joints(e: EstimatorRecord, position: Vector, velocity: Vector) -> Non
 
 @kernel
 def _predict_all(e: EstimatorRecord, periods: float) -> None:
-    """Go on to the time of the readings, by pieces of about a period: the samples that are missing lie on a line."""
+    """Go on to the time of the readings, by pieces of about a period: the samples that are missing
+    lie on a line.
+    """
     f = e.filter
     elapsed = f.period
     f.period = elapsed / periods
@@ -205,7 +231,9 @@ def _predict_all(e: EstimatorRecord, periods: float) -> None:
 
 @kernel
 def _predict(e: EstimatorRecord, share: float) -> None:
-    """Go on by a period, with the sample at that share of the way from the last one to the new one."""
+    """Go on by a period, with the sample at that share of the way from the last one to the new
+    one.
+    """
     f, back, rolling = e.filter, 1.0 - share, np.zeros((e.foot_velocity.shape[0], 3))
     w = e.raw_angular_velocity + back * (e.before[:3] - e.raw_angular_velocity)
     a = e.raw_acceleration + back * (e.before[3:] - e.raw_acceleration)
@@ -218,7 +246,9 @@ def _predict(e: EstimatorRecord, share: float) -> None:
 
 @kernel
 def _roll(e: EstimatorRecord, k: int, out: Vector) -> None:
-    """Velocity of the centre of a round foot that rolls on the level: ω × (0, 0, radius), world axes."""
+    """Velocity of the centre of a round foot that rolls on the level: ω × (0, 0, radius), world
+    axes.
+    """
     w = e.filter.rotation @ e.dynamics.tree.twist[e.dynamics.body[k], 3:]
     out[0], out[1] = e.foot_radius[k] * w[1], -e.foot_radius[k] * w[0]
 
@@ -244,7 +274,9 @@ def _place_body(e: EstimatorRecord) -> None:
 
 @kernel
 def _quaternion(r: Vector, q: Vector) -> None:
-    """The quaternion of a rotation into q[3:7], of the two the one nearer to that which is there."""
+    """The quaternion of a rotation into q[3:7], of the two the one nearer to that which is
+    there.
+    """
     x = np.sqrt(max(1.0 + r[0, 0] - r[1, 1] - r[2, 2], 0.0))
     y = np.sqrt(max(1.0 - r[0, 0] + r[1, 1] - r[2, 2], 0.0))
     z = np.sqrt(max(1.0 - r[0, 0] - r[1, 1] + r[2, 2], 0.0))
@@ -263,7 +295,9 @@ def _quaternion(r: Vector, q: Vector) -> None:
 
 @kernel
 def _accelerate(e: EstimatorRecord) -> None:
-    """Acceleration of all coordinates: of the body by the inertial unit, of the joints by differences."""
+    """Acceleration of all coordinates: of the body by the inertial unit, of the joints by
+    differences.
+    """
     f, c, w, turning = e.filter, e.contact, e.angular_velocity, e.angular_acceleration
     # Of the body's origin: a − α × o − ω × (ω × o) + Rᵀ g, less ω × v for components in body axes.
     turn = np.cross(turning, e.place) + np.cross(w, np.cross(w, e.place) + e.v[:3])
@@ -299,7 +333,9 @@ def _use_feet(e: EstimatorRecord) -> None:
 
 @kernel
 def _local_feet(e: EstimatorRecord) -> None:
-    """Place of the feet less that of the inertial unit, and their speeds against the body, in body axes."""
+    """Place of the feet less that of the inertial unit, and their speeds against the body, in body
+    axes.
+    """
     d, r = e.dynamics, e.dynamics.tree.rotation
     for k in range(e.local_foot.shape[0]):
         place = r.T @ (d.foot_position[k] - e.q[:3])

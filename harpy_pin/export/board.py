@@ -1,4 +1,6 @@
-"""Boards with a Cortex-M that QEMU has: build an exported folder for one, run it there, count instructions."""
+"""Boards with a Cortex-M that QEMU has: build an exported folder for one, run it there, count
+instructions.
+"""
 
 from __future__ import annotations
 
@@ -42,7 +44,9 @@ class Chip:
 CHIPS = {
     "m4": Chip("Cortex-M4F", "cortex-m4", "fpv4-sp-d16", False, "mps2-an386", 0x0, 0x20000000),
     "m7": Chip("Cortex-M7", "cortex-m7", "fpv5-d16", True, "mps2-an500", 0x0, 0x20000000),
-    "m33": Chip("Cortex-M33", "cortex-m33", "fpv5-sp-d16", False, "mps2-an505", 0x10000000, 0x38000000),
+    "m33": Chip(
+        "Cortex-M33", "cortex-m33", "fpv5-sp-d16", False, "mps2-an505", 0x10000000, 0x38000000
+    ),
 }
 """Chips by their short names."""
 
@@ -70,25 +74,54 @@ def board_text(chip: Chip) -> str:
 
 
 def build(
-    folder: Path, sources: Sequence[Path | str], chip: Chip, program: Path, *, flags: Sequence[str] = ("-O2",)
+    folder: Path,
+    sources: Sequence[Path | str],
+    chip: Chip,
+    program: Path,
+    *,
+    flags: Sequence[str] = ("-O2",),
 ) -> Path:
-    """Link a program for a chip's board, of sources besides the board's own; relative ones are in the exported folder.
+    """Link a program for a chip's board, of sources besides the board's own; relative ones are in
+    the exported folder.
 
-    The flags are those of the compiler besides those that the chip needs. A :class:`HarpyError` has what the compiler
-    says where it does not compile.
+    The flags are those of the compiler besides those that the chip needs. A :class:`HarpyError` has
+    what the compiler says where it does not compile.
     """
     command = [COMPILER, *chip.flags, *COMMON, *flags]
     command += [str(folder / source) for source in (*sources, "board/startup.c")]
     command += ["-I", str(folder), "-T", str(folder / f"board/{chip.machine}.ld")]
-    command += ["-nostartfiles", "--specs=rdimon.specs", "-Wl,--gc-sections", "-o", str(program), "-lm"]
+    command += [
+        "-nostartfiles",
+        "--specs=rdimon.specs",
+        "-Wl,--gc-sections",
+        "-o",
+        str(program),
+        "-lm",
+    ]
     _call(command)
     return program
 
 
 def run(program: Path, chip: Chip) -> tuple[str, int]:
     """Run a program on a chip's board in QEMU; returns what it printed, and its exit code."""
-    machine = [EMULATOR, "-machine", chip.machine, "-nographic", "-monitor", "none", "-serial", "none"]
-    target = ["-semihosting-config", "enable=on,target=native", "-icount", ICOUNT, "-kernel", str(program)]
+    machine = [
+        EMULATOR,
+        "-machine",
+        chip.machine,
+        "-nographic",
+        "-monitor",
+        "none",
+        "-serial",
+        "none",
+    ]
+    target = [
+        "-semihosting-config",
+        "enable=on,target=native",
+        "-icount",
+        ICOUNT,
+        "-kernel",
+        str(program),
+    ]
     return run_program([*machine, *target], timeout=MOST)
 
 
@@ -100,10 +133,11 @@ def measure(
     flags: Sequence[str] = ("-O2",),
     sources: Sequence[Path | str] = ("count.c",),
 ) -> Measured:
-    """Count a controller, whose files have this name, with its recorded ticks in an exported folder, on a chip.
+    """Count a controller, whose files have this name, with its recorded ticks in an exported
+    folder, on a chip.
 
-    The flags are the compiler's, the sources those of the program that counts. A :class:`HarpyError` says that it does
-    not compile, or that the program failed.
+    The flags are the compiler's, the sources those of the program that counts. A
+    :class:`HarpyError` says that it does not compile, or that the program failed.
     """
     folder = folder.resolve()  # sources are named from it
     with work_folder() as work:
@@ -111,9 +145,13 @@ def measure(
         controller = _object(folder, f"{name}.c", chip, place / "controller.o", flags)
         vectors = folder / "board" / f"vectors-{chip.cpu}.o"  # large, and the same for all flags
         if not vectors.exists():
-            made = vectors.with_suffix(f".{place.name}")  # others may count on the same chip meanwhile
+            made = vectors.with_suffix(
+                f".{place.name}"
+            )  # others may count on the same chip meanwhile
             _object(folder, "vectors.c", chip, made, ["-O1"]).replace(vectors)
-        program = build(folder, [controller, vectors, *sources], chip, place / "count.elf", flags=flags)
+        program = build(
+            folder, [controller, vectors, *sources], chip, place / "count.elf", flags=flags
+        )
         text, code = run(program, chip)
         if code:
             raise HarpyError(f"{name} failed on {chip.title} with exit code {code}: {text[-200:]}")
@@ -122,10 +160,14 @@ def measure(
     painted, different = map(int, lines[0].split()[1::2])
     instructions, ticks = map(int, lines[1].split()[1:])
     counts = np.array([int(line) for line in lines[2:] if line])
-    return Measured(np.rint(counts * (instructions / ticks)).astype(np.int64), painted, flash, different)
+    return Measured(
+        np.rint(counts * (instructions / ticks)).astype(np.int64), painted, flash, different
+    )
 
 
-def _flash(folder: Path, name: str, chip: Chip, controller: Path, place: Path, flags: Sequence[str]) -> int:
+def _flash(
+    folder: Path, name: str, chip: Chip, controller: Path, place: Path, flags: Sequence[str]
+) -> int:
     """How much larger a program is with the controller than without it."""
     header = (folder / f"{name}.h").read_text(encoding="utf-8")
     declaration = header[header.rindex(f"int {name}_step(") :].split(";")[0]
@@ -136,14 +178,29 @@ def _flash(folder: Path, name: str, chip: Chip, controller: Path, place: Path, f
     source.write_text(text, encoding="utf-8")
     sizes = []
     for extra in ((), ("-DUSED",)):
-        program = build(folder, [source, controller], chip, place / "uses.elf", flags=(*flags, *extra))
+        program = build(
+            folder, [source, controller], chip, place / "uses.elf", flags=(*flags, *extra)
+        )
         text, data = _call([SIZE, str(program)]).split("\n")[1].split()[:2]
         sizes.append(int(text) + int(data))
     return sizes[1] - sizes[0]
 
 
 def _object(folder: Path, source: str, chip: Chip, made: Path, flags: Sequence[str]) -> Path:
-    _call([COMPILER, *chip.flags, *COMMON, *flags, "-I", str(folder), "-c", str(folder / source), "-o", str(made)])
+    _call(
+        [
+            COMPILER,
+            *chip.flags,
+            *COMMON,
+            *flags,
+            "-I",
+            str(folder),
+            "-c",
+            str(folder / source),
+            "-o",
+            str(made),
+        ]
+    )
     return made
 
 

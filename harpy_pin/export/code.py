@@ -23,7 +23,8 @@ from harpy_pin.model.record import Record
 FEW = 2  # entries of an array that are assigned one by one; more are copied from the table
 INPUTS = {
     "q": "configuration: position of the base, m, its quaternion (x, y, z, w), joint angles, rad",
-    "v": "velocity: of the base, linear, m/s, and angular, rad/s, both in its own axes; of the joints, rad/s",
+    "v": "velocity: of the base, linear, m/s, and angular, rad/s, both in its own axes; of the "
+    "joints, rad/s",
     "foot_position": "of each foot, world axes, m",
     "foot_force": "of the ground on each foot, world axes, N, as measured",
     "elapsed": "time since the last step, s; of a walk at most 0.05 count",
@@ -51,7 +52,9 @@ OUTPUTS = {
 
 
 def shipped(file: str, **texts: object) -> str:
-    """The text of a file in ``files``, with texts for the names that it has after a ``$``; other ``$`` stay."""
+    """The text of a file in ``files``, with texts for the names that it has after a ``$``; other
+    ``$`` stay.
+    """
     text = (files("harpy_pin.export") / "files" / file).read_text(encoding="utf-8")
     return Template(text).safe_substitute(texts)
 
@@ -69,9 +72,11 @@ class Code:
 
 
 def controller_code(what: Exportable, name: str, *, single: bool) -> Code:
-    """The C of a controller, whose files, functions and structs have a name that begins with this one.
+    """The C of a controller, whose files, functions and structs have a name that begins with this
+    one.
 
-    Numbers are floats and integers of 32 bits where it is ``single``, otherwise doubles and 64 bits.
+    Numbers are floats and integers of 32 bits where it is ``single``, otherwise doubles and 64
+    bits.
     """
     public = {f"{name}_init", f"{name}_step"}
     unit = Unit(single=single, prefix=f"{name}_", own=PORTABLE if single else {}, taken=public)
@@ -82,7 +87,9 @@ def controller_code(what: Exportable, name: str, *, single: bool) -> Code:
     unit.struct(state), unit.struct(target)
     table, statements = initial_values(unit, what.record)
     real, whole = ("float", "int32_t") if single else ("double", "int64_t")
-    structs = re.sub(r"^    integer ", f"    {whole} ", "\n\n".join(unit.types().split("\n\n")[1:]), flags=re.M)
+    structs = re.sub(
+        r"^    integer ", f"    {whole} ", "\n\n".join(unit.types().split("\n\n")[1:]), flags=re.M
+    )
     command = f"state->{what.control}." if what.control else "state->"
     given, made = lengths(what.inputs), lengths(what.outputs)
 
@@ -92,7 +99,11 @@ def controller_code(what: Exportable, name: str, *, single: bool) -> Code:
         return ", ".join([*parts, *(f"{number} {own}[{n}]" for own, n in made.items())])
 
     texts = {
-        **{"name": name, "NAME": name.upper(), "type": "".join(part.capitalize() for part in name.split("_"))},
+        **{
+            "name": name,
+            "NAME": name.upper(),
+            "type": "".join(part.capitalize() for part in name.split("_")),
+        },
         **{
             "title": what.title,
             "robot": what.robot.name,
@@ -105,12 +116,18 @@ def controller_code(what: Exportable, name: str, *, single: bool) -> Code:
         **{"code": unit.code(), "table": table, "statements": "\n    ".join(statements)},
         **{"inputs": _described(what.inputs, INPUTS), "outputs": _described(what.outputs, OUTPUTS)},
         "structs": re.sub(r"^    real ", f"    {real} ", structs, flags=re.M),
-        "statuses": "\n".join(f"    {name.upper()}_{status} = {value}," for status, value in what.statuses.items()),
+        "statuses": "\n".join(
+            f"    {name.upper()}_{status} = {value}," for status, value in what.statuses.items()
+        ),
         "arguments": ", ".join(f"(real *){own}" if own in given else "NULL" for own in what.inputs),
         "copies": "\n    ".join(_copy(own, n, command) for own, n in made.items()),
-        "members": "\n".join(f"        std::array<{real}, {n}> {own}{{}};" for own, n in made.items()),
+        "members": "\n".join(
+            f"        std::array<{real}, {n}> {own}{{}};" for own, n in made.items()
+        ),
         "arrays": "".join(f", const std::array<{real}, {n}> &{own}" for own, n in given.items()),
-        "pointers": "".join(f", {own}.data()" for own in (*given, *(f"command.{own}" for own in made))),
+        "pointers": "".join(
+            f", {own}.data()" for own in (*given, *(f"command.{own}" for own in made))
+        ),
     }
     header = shipped("controller.h", **texts, parameters=parameters(real))
     source = shipped("controller.c", **texts, parameters=parameters("real"))
@@ -122,8 +139,10 @@ def about_target(what: Exportable) -> str:
     """What the target of a tick is."""
     if "velocity" in (what.target.dtype.names or ()):
         return (
-            "the velocity in the axes of the heading: forward and to the left, m/s, turning to the left, rad/s; and "
-            "the change of the height, m; scaled down to what the robot can do, and ignored where it is not finite"
+            "the velocity in the axes of the heading: forward and to the left, m/s, turning to the "
+            "left, rad/s; and "
+            "the change of the height, m; scaled down to what the robot can do, and ignored where "
+            "it is not finite"
         )
     return "what the gait asks for at this time"
 
@@ -131,7 +150,10 @@ def about_target(what: Exportable) -> str:
 def _copy(own: str, count: int, command: str) -> str:
     """The statement that copies an output from the record."""
     if own in LAW:
-        return f"memcpy({own}, {command}motors.law + {LAW.index(own) * count}, {count} * sizeof(real));"
+        return (
+            f"memcpy({own}, {command}motors.law + {LAW.index(own) * count}, {count} * "
+            f"sizeof(real));"
+        )
     return f"memcpy({own}, {command}{own}, sizeof {command}{own});"
 
 
@@ -143,7 +165,10 @@ def lengths(arrays: Mapping[str, tuple[int, ...]]) -> dict[str, int]:
 def _described(arrays: Mapping[str, tuple[int, ...]], texts: Mapping[str, str]) -> str:
     """Lines of a comment on arrays."""
     lines = [f"{own} {arrays[own]}: {texts[own]}".replace(",)", ")") for own in lengths(arrays)]
-    return "\n".join(textwrap.fill(line, 110, initial_indent="     ", subsequent_indent="       ") for line in lines)
+    return "\n".join(
+        textwrap.fill(line, 110, initial_indent="     ", subsequent_indent="       ")
+        for line in lines
+    )
 
 
 def _entries(dtype: object) -> int:
@@ -153,12 +178,16 @@ def _entries(dtype: object) -> int:
     for kind in fields.values():
         element = kind.element if isinstance(kind, Array) else kind
         each = _entries(element.dtype) if isinstance(element, Struct) else 1
-        total += each * (math.prod(n for n in kind.shape if isinstance(n, int)) if isinstance(kind, Array) else 1)
+        total += each * (
+            math.prod(n for n in kind.shape if isinstance(n, int)) if isinstance(kind, Array) else 1
+        )
     return total
 
 
 def initial_values(unit: Unit, record: Record) -> tuple[str, list[str]]:
-    """The table in C, empty where nothing is copied, and the statements that fill a record which is zero, ``state``."""
+    """The table in C, empty where nothing is copied, and the statements that fill a record which is
+    zero, ``state``.
+    """
     tables: dict[str, list[str]] = {"real": [], "integer": []}
     lengths = {"real": 0, "integer": 0}
     statements = []
@@ -177,7 +206,11 @@ def initial_values(unit: Unit, record: Record) -> tuple[str, list[str]]:
     parts = []
     for kind, rows in tables.items():
         if rows:
-            parts.append(f"static const {kind} {kind}s[{lengths[kind]}] = {{\n    " + "\n    ".join(rows) + "\n};")
+            parts.append(
+                f"static const {kind} {kind}s[{lengths[kind]}] = {{\n    "
+                + "\n    ".join(rows)
+                + "\n};"
+            )
             parts.append(
                 f"static void copy_{kind}({kind} *to, const {kind} *from, int count)\n"
                 "{\n    for (int n = 0; n < count; n++) {\n        to[n] = from[n];\n    }\n}"
@@ -190,7 +223,9 @@ def number_text(value: Any, *, single: bool) -> str:
     if isinstance(value, np.integer | int):
         return str(int(value))
     if not np.isfinite(value):
-        return "(real)NAN" if np.isnan(value) else "(real)INFINITY" if value > 0 else "-(real)INFINITY"
+        return (
+            "(real)NAN" if np.isnan(value) else "(real)INFINITY" if value > 0 else "-(real)INFINITY"
+        )
     if not single:
         return repr(float(value))
     text = str(np.float32(value))

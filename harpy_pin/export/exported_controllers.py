@@ -16,7 +16,12 @@ from harpy_pin.controllers.condensed import CondensedController
 from harpy_pin.controllers.condensed_tick import CondensedTickRecord, condensed_step
 from harpy_pin.controllers.gait_controller import GaitController
 from harpy_pin.controllers.governed import GovernedController
-from harpy_pin.controllers.governed_tick import FilterTickRecord, PaperTickRecord, contact_step, paper_step
+from harpy_pin.controllers.governed_tick import (
+    FilterTickRecord,
+    PaperTickRecord,
+    contact_step,
+    paper_step,
+)
 from harpy_pin.controllers.joint_targets import WITH_TARGETS, CondensedMotorsRecord
 from harpy_pin.controllers.parameters import WholeBodyParameters
 from harpy_pin.controllers.tick import BAD_SAMPLE, FALLBACK, VIOLATED
@@ -51,7 +56,9 @@ ESTIMATED = ("q", "v", "foot_position", "foot_velocity", "foot_force")  # what a
 
 
 PROGRAM_STATUSES = {"OPTIMAL": 0, "FALLBACK": FALLBACK}
-"""Of a tick of the whole-body QP; without a solution it gives the last command for a while, then the posture."""
+"""Of a tick of the whole-body QP; without a solution it gives the last command for a while, then
+the posture.
+"""
 GOVERNOR_STATUSES = {"SATISFIED": 0, "VIOLATED": VIOLATED}
 """Of a tick of a governor: whether its constraints hold with the command given."""
 
@@ -67,10 +74,16 @@ class Exportable:
     target: Record  # the gait's targets, or the velocity that the gait follows
     record: Record  # before the first tick
     step: Callable[..., int]  # the kernel of its tick
-    inputs: Mapping[str, tuple[int, ...]]  # names and shapes of what is measured, in the kernel's order
-    outputs: Mapping[str, tuple[int, ...]]  # names and shapes of the command's parts, or of the estimate's
+    inputs: Mapping[
+        str, tuple[int, ...]
+    ]  # names and shapes of what is measured, in the kernel's order
+    outputs: Mapping[
+        str, tuple[int, ...]
+    ]  # names and shapes of the command's parts, or of the estimate's
     statuses: Mapping[str, int]  # what a tick's status says, by name
-    control: str = ""  # part of the record that has the command; empty where it is the record itself
+    control: str = (
+        ""  # part of the record that has the command; empty where it is the record itself
+    )
 
     def command_of(self, record: Record) -> Record:
         """The part of a record that has the command."""
@@ -79,32 +92,43 @@ class Exportable:
     def outcome(self, record: Record) -> NDArray[np.float64]:
         """The numbers of the last command, in the order of :attr:`outputs`."""
         command = self.command_of(record)[0]
-        parts = (command["motors"]["law"][LAW.index(name)] if name in LAW else command[name] for name in self.outputs)
+        parts = (
+            command["motors"]["law"][LAW.index(name)] if name in LAW else command[name]
+            for name in self.outputs
+        )
         return np.concatenate([np.ravel(part) for part in parts])
 
 
 def exportable(controller: object) -> Exportable:
-    """What is exported of a controller or an estimator, with its gait and settings; it is not changed.
+    """What is exported of a controller or an estimator, with its gait and settings; it is not
+    changed.
 
-    One that is not this library's, or that has a setting which is not exported, is an :class:`InputError`.
+    One that is not this library's, or that has a setting which is not exported, is an
+    :class:`InputError`.
     """
     for kind, export in _EXPORTS.items():
         if isinstance(controller, kind):
             return export(controller)
-    raise InputError(f"a {type(controller).__name__} cannot be exported", name="controller", value=controller)
+    raise InputError(
+        f"a {type(controller).__name__} cannot be exported", name="controller", value=controller
+    )
 
 
 def _condensed(controller: CondensedController) -> Exportable:
     _refuse_lags(controller.parameters)
     controller.reset()
     title, record = "condensed whole-body controller", controller._record_.copy()
-    return _exportable("condensed", title, controller, record, controller._step, CondensedStatus.__members__)
+    return _exportable(
+        "condensed", title, controller, record, controller._step, CondensedStatus.__members__
+    )
 
 
 class VelocityCommandRecord(RecordOf):
     """What an exported walk is asked for."""
 
-    velocity: Vector = sized("entries")  # (4,) forward, to the left, m/s, turning, rad/s, change of the height, m
+    velocity: Vector = sized(
+        "entries"
+    )  # (4,) forward, to the left, m/s, turning, rad/s, change of the height, m
 
 
 class WalkTickRecord(RecordOf):
@@ -120,7 +144,12 @@ def _walk_of(step: Kernel[int]) -> Kernel[int]:
 
     @kernel
     def walk_and_control(
-        r: WalkTickRecord, command: VelocityCommandRecord, elapsed: Vector, q: Vector, v: Vector, foot_force: Vector
+        r: WalkTickRecord,
+        command: VelocityCommandRecord,
+        elapsed: Vector,
+        q: Vector,
+        v: Vector,
+        foot_force: Vector,
     ) -> int:
         gait = r.gait
         measure(gait, q, v, foot_force)
@@ -137,29 +166,45 @@ def _walk_of(step: Kernel[int]) -> Kernel[int]:
     return walk_and_control
 
 
-WALKS: dict[Any, Kernel[int]] = {step: _walk_of(step) for step in (condensed_step, WITH_TARGETS["condensed"])}
-"""The tick of a walk by that of its controller, the time since the last one (1,), s, instead of a clock."""
+WALKS: dict[Any, Kernel[int]] = {
+    step: _walk_of(step) for step in (condensed_step, WITH_TARGETS["condensed"])
+}
+"""The tick of a walk by that of its controller, the time since the last one (1,), s, instead of a
+clock.
+"""
 
 
 def exportable_walk(controller: object) -> Exportable:
     """What is exported of a condensed whole-body controller together with its walking gait.
 
-    It is asked for a velocity. Another controller is an :class:`InputError`, and so is a gait of another class, on
-    ground that is not level, or whose velocity is a script or a function.
+    It is asked for a velocity. Another controller is an :class:`InputError`, and so is a gait of
+    another class, on ground that is not level, or whose velocity is a script or a function.
     """
     if not isinstance(controller, CondensedController):
-        message = f"a walk is exported with a CondensedController, not with a {type(controller).__name__}"
+        message = (
+            f"a walk is exported with a CondensedController, not with a {type(controller).__name__}"
+        )
         raise InputError(message, name="controller", value=controller)
     gait, alone = controller.gait, exportable(controller)
     if not isinstance(gait, WalkingGait):
-        raise InputError(f"a walk is exported with a WalkingGait, not with a {type(gait).__name__}", name="controller")
+        raise InputError(
+            f"a walk is exported with a WalkingGait, not with a {type(gait).__name__}",
+            name="controller",
+        )
     _refuse(
-        bool(gait.script) or gait.calls(State(0.0, *controller._sample)) is None, "a script or function of velocities"
+        bool(gait.script) or gait.calls(State(0.0, *controller._sample)) is None,
+        "a script or function of velocities",
     )
     last = gait._record_
     _refuse(not last["terrain"]["level"][0], "a walk on ground that is not level")
-    parts: Any = {name: last[name] if last[name].dtype.names else last[name][0] for name in last.dtype.names or ()}
-    parts |= {"terrain": flat_terrain(pieces=1, cells=1), "time": -1.0}  # without room for other ground
+    parts: Any = {
+        name: last[name] if last[name].dtype.names else last[name][0]
+        for name in last.dtype.names or ()
+    }
+    parts |= {
+        "terrain": flat_terrain(pieces=1, cells=1),
+        "time": -1.0,
+    }  # without room for other ground
     before = make_record(WalkingRecord, **parts)
     before["measured"]["seen"] = 0
     return replace(
@@ -168,7 +213,10 @@ def exportable_walk(controller: object) -> Exportable:
         title="walking gait and condensed whole-body controller",
         target=make_record(VelocityCommandRecord, {"entries": len(gait.command)}),
         record=make_record(
-            WalkTickRecord, gait=before, goal=GaitTarget(len(gait.robot.feet))._record_, control=alone.record
+            WalkTickRecord,
+            gait=before,
+            goal=GaitTarget(len(gait.robot.feet))._record_,
+            control=alone.record,
         ),
         step=WALKS[alone.step],
         inputs={"elapsed": (1,), **alone.inputs},
@@ -186,7 +234,8 @@ def _program(controller: WholeBodyController) -> Exportable:
     _refuse_lags(p)
     _refuse(controller.added is not None, "a program with added tasks")
     _refuse(
-        not isinstance(controller._solver, WarmStartedActiveSet), "a whole-body QP by another solver than 'active_set'"
+        not isinstance(controller._solver, WarmStartedActiveSet),
+        "a whole-body QP by another solver than 'active_set'",
     )
     fresh = type(problem)(problem.robot, problem.weights, problem.limits)
     program = fresh.program
@@ -210,9 +259,16 @@ def _program(controller: WholeBodyController) -> Exportable:
 def _governed(controller: GovernedController) -> Exportable:
     governor, behind = controller.governor, controller.force_filter
     paper = isinstance(governor, ExplicitReferenceGovernor) and isinstance(governor.rows, ForceRows)
-    _refuse(controller.parameters.legs != "pid", f"the leg control law '{controller.parameters.legs}'")
-    _refuse(controller.friction is not None, "the paper's controller with an estimate of the friction")
-    _refuse((not paper or behind is not None) and (governor is not None or behind is None), "this pair of governors")
+    _refuse(
+        controller.parameters.legs != "pid", f"the leg control law '{controller.parameters.legs}'"
+    )
+    _refuse(
+        controller.friction is not None, "the paper's controller with an estimate of the friction"
+    )
+    _refuse(
+        (not paper or behind is not None) and (governor is not None or behind is None),
+        "this pair of governors",
+    )
     controller.reset()
     parts: dict[str, Any] = {"control": controller._record_}
     if behind is None:
@@ -223,9 +279,17 @@ def _governed(controller: GovernedController) -> Exportable:
         kind, title, step = "paper", "the paper's reference governor", paper_step
     else:
         behind.reset()
-        parts |= {"dynamics": behind.dynamics._record_, "terms": behind.terms, "governor": behind._record_}
+        parts |= {
+            "dynamics": behind.dynamics._record_,
+            "terms": behind.terms,
+            "governor": behind._record_,
+        }
         record = make_record(FilterTickRecord, **parts)
-        kind, title, step = "filter", "the paper's controller behind the contact-force filter", contact_step
+        kind, title, step = (
+            "filter",
+            "the paper's controller behind the contact-force filter",
+            contact_step,
+        )
     return _exportable(kind, title, controller, record, step, GOVERNOR_STATUSES)
 
 
@@ -242,7 +306,8 @@ def estimate_after(
     normal_force: Vector,
     thrust: Vector,
 ) -> int:
-    """One step, the time since the last one (1,), s, instead of a clock, which single precision would round.
+    """One step, the time since the last one (1,), s, instead of a clock, which single precision
+    would round.
 
     ``goal`` are the gait's targets of the last tick, ``thrust`` (thrusters, 3) is in world axes, N.
     """
@@ -289,7 +354,12 @@ def _exportable(
 ) -> Exportable:
     robot = controller.robot
     feet = len(robot.feet)
-    shapes = {"q": (robot.model.nq,), "v": (robot.model.nv,), "foot_position": (feet, 3), "foot_force": (feet, 3)}
+    shapes = {
+        "q": (robot.model.nq,),
+        "v": (robot.model.nv,),
+        "foot_position": (feet, 3),
+        "foot_force": (feet, 3),
+    }
     names = MEASURED if kind in ("paper", "filter") else ("q", "v", "foot_force")
     statuses = {name: int(status) for name, status in statuses.items()} | {"BAD_SAMPLE": BAD_SAMPLE}
     inputs = {name: shapes[name] for name in names}

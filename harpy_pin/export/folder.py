@@ -26,7 +26,9 @@ from harpy_pin.simulation.sensing import EstimatedState
 
 SHIPPED = ("CMakeLists.txt", "check.c", "count.c", "arm-none-eabi.cmake", "board/startup.c")
 TICKS, EVERY, WALK_TICKS = 200, 10, 600
-"""Recorded ticks, and how far they are apart in ticks of the motion; those of walks and estimators are not apart."""
+"""Recorded ticks, and how far they are apart in ticks of the motion; those of walks and estimators
+are not apart.
+"""
 PRECISIONS = ("float", "double")
 
 
@@ -49,13 +51,15 @@ def export(
     precision: str = "float",
     force: bool = False,
 ) -> Exported:
-    """Export a controller of a robot, or its state estimator, with ticks of a motion that fits the robot.
+    """Export a controller of a robot, or its state estimator, with ticks of a motion that fits the
+    robot.
 
     Args:
         robot: ``harpy``, a name of :data:`~harpy_pin.model.catalogue.CATALOGUE`, or one's own.
-        folder: where to; new, empty, or an exported one. Nothing in it that was not exported is replaced.
-        controller: one of :data:`~harpy_pin.export.recording.CONTROLLERS`, ``estimator``, or ``walk``, the condensed
-            controller with a walking gait.
+        folder: where to; new, empty, or an exported one. Nothing in it that was not exported is
+            replaced.
+        controller: one of :data:`~harpy_pin.export.recording.CONTROLLERS`, ``estimator``, or
+            ``walk``, the condensed controller with a walking gait.
         precision: ``float`` or ``double``.
         force: take a folder with other files, too, and replace those of the same names.
 
@@ -76,15 +80,24 @@ def export(
     else:
         what, rows = exportable(motion.controller), slice(None, None, EVERY)
     every = record(motion, what)
-    recording = Recording(every.target[rows], {name: given[rows] for name, given in every.inputs.items()})
+    recording = Recording(
+        every.target[rows], {name: given[rows] for name, given in every.inputs.items()}
+    )
     name = re.sub(r"^(?=\d)|\W", "_", f"{what.robot.name}_{what.kind}", flags=re.ASCII)
     return write_folder(what, recording, place, name=name, single=single)
 
 
 def write_folder(
-    what: Exportable, given: Recording, folder: str | Path | OwnFolder, *, name: str, single: bool, readme: bool = True
+    what: Exportable,
+    given: Recording,
+    folder: str | Path | OwnFolder,
+    *,
+    name: str,
+    single: bool,
+    readme: bool = True,
 ) -> Exported:
-    """Write a controller, recorded ticks of it, and the page about it, for which it is measured where there are tools.
+    """Write a controller, recorded ticks of it, and the page about it, for which it is measured
+    where there are tools.
 
     Raises:
         InputError: the name, of the files, functions and structs, is none in C.
@@ -103,8 +116,15 @@ def write_folder(
     texts |= {f"board/{chip.machine}.ld": board_text(chip) for chip in CHIPS.values()}
     if readme:
         inputs = ", ".join(what.inputs)
-        about = {"title": what.title, "robot": what.robot.name, "inputs": inputs, "target": about_target(what)}
-        texts["README.md"] = shipped("README.md", **names, **about, cost=_cost(code, texts, len(given)))
+        about = {
+            "title": what.title,
+            "robot": what.robot.name,
+            "inputs": inputs,
+            "target": about_target(what),
+        }
+        texts["README.md"] = shipped(
+            "README.md", **names, **about, cost=_cost(code, texts, len(given))
+        )
     place.write(texts)
     return Exported(code, what, len(given), place.path)
 
@@ -126,11 +146,15 @@ def _cost(code: Code, texts: Mapping[str, str], ticks: int) -> str:
                 continue
             found = measure(Path(folder), code.name, chip)
             counts = found.instructions
-            lines.append(f"| {chip.title} | {found.flash} | {found.stack} | {np.median(counts):.0f} | {counts.max()} |")
+            lines.append(
+                f"| {chip.title} | {found.flash} | {found.stack} | {np.median(counts):.0f} | "
+                f"{counts.max()} |"
+            )
     lines += [
         "",
         f"Counted in QEMU over the {ticks} recorded ticks, compiled with `-O2`; flash with what it "
-        "needs of the mathematical library. An instruction takes a cycle or more, so that these are no times.",
+        "needs of the mathematical library. An instruction takes a cycle or more, so that these "
+        "are no times.",
     ]
     return "\n".join(lines)
 
@@ -148,7 +172,9 @@ def _ticks(what: Exportable, code: Code, given: Recording) -> dict[str, object]:
         begin += n
     return {
         **{"ticks": len(given), "width": place, "outputs": begin, "inputs": ", ".join(what.inputs)},
-        "rows": _rows(np.hstack([given.target, *(given.inputs[name] for name in what.inputs)]), code),
+        "rows": _rows(
+            np.hstack([given.target, *(given.inputs[name] for name in what.inputs)]), code
+        ),
         "commands": _rows(commands, code),
         "statuses": ", ".join(map(str, statuses)),
         "arguments": ", ".join(arguments),
@@ -157,5 +183,8 @@ def _ticks(what: Exportable, code: Code, given: Recording) -> dict[str, object]:
 
 def _rows(values: NDArray[Any], code: Code) -> str:
     single = code.real == "float"
-    lines = ("    {" + ", ".join(number_text(value, single=single) for value in row) + "}," for row in values)
+    lines = (
+        "    {" + ", ".join(number_text(value, single=single) for value in row) + "},"
+        for row in values
+    )
     return "\n".join(lines).replace("(real)", "")

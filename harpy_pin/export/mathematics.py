@@ -1,4 +1,6 @@
-"""Functions of mathematics in single precision that every processor rounds alike, see ``files/mathematics.c``."""
+"""Functions of mathematics in single precision that every processor rounds alike, see
+``files/mathematics.c``.
+"""
 
 from __future__ import annotations
 
@@ -6,7 +8,10 @@ import re
 from importlib.resources import files
 
 _TEXT = (files("harpy_pin.export") / "files" / "mathematics.c").read_text(encoding="utf-8")
-_PARTS = {name: text for text, name in re.findall(r"^(static real (\w+)\(.*?^\})$", _TEXT, re.DOTALL | re.MULTILINE)}
+_PARTS = {
+    name: text
+    for text, name in re.findall(r"^(static real (\w+)\(.*?^\})$", _TEXT, re.DOTALL | re.MULTILINE)
+}
 _NEEDED = {
     "sin": ("reduce_angle", "sine_part", "cosine_part"),
     "cos": ("reduce_angle", "sine_part", "cosine_part"),

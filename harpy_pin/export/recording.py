@@ -1,4 +1,6 @@
-"""Recorded ticks: what a controller was given along a simulated motion, and what its exported form answers."""
+"""Recorded ticks: what a controller was given along a simulated motion, and what its exported form
+answers.
+"""
 
 from __future__ import annotations
 
@@ -29,8 +31,9 @@ from harpy_pin.simulation.push import Push
 from harpy_pin.simulation.sensing import EstimatedState, Sensing
 
 CONTROLLERS = ("condensed", "wbc", "paper", "filter")
-"""Names for export: the condensed controller, the whole-body QP by this library's own search, the paper's governor, and
-the contact-force filter."""
+"""Names for export: the condensed controller, the whole-body QP by this library's own search, the
+paper's governor, and the contact-force filter.
+"""
 ESTIMATOR = "estimator"  # the state estimator's name
 WALK = "walk"  # a walking gait and the condensed controller
 WALK_SPEED = 0.5
@@ -39,8 +42,10 @@ SINK = 1e-3  # how deep feet sink in where a robot stands, m: it makes the groun
 SHIFT = (0.02, 0.01, 0.0)
 """How far a robot that stays in one place moves its body back and forth, m."""
 SINGLE_FORCE = 100.0
-"""Factor on the weight on contact forces in single precision. Forces that feet exert against each other move nothing,
-so that this weight alone decides them; beside the others it would be below the rounding."""
+"""Factor on the weight on contact forces in single precision. Forces that feet exert against each
+other move nothing, so that this weight alone decides them; beside the others it would be below the
+rounding.
+"""
 
 
 @dataclass(frozen=True)
@@ -64,30 +69,49 @@ def ready(
     pushes: Sequence[Push] = (),
     single: bool = False,
 ) -> Walk:
-    """A motion that fits a robot, with a controller: Harpy walks, others stand, step in place or hover.
+    """A motion that fits a robot, with a controller: Harpy walks, others stand, step in place or
+    hover.
 
-    The controller, one of :data:`CONTROLLERS`, :data:`WALK`, or :data:`ESTIMATOR`, for which the condensed controller
-    walks, knows the friction. In ``single`` precision its weight on contact forces of a robot that stands is larger
-    (:data:`SINGLE_FORCE`). One that is unknown, or does not take the robot, is an :class:`InputError`. The duration is
-    in s.
+    The controller, one of :data:`CONTROLLERS`, :data:`WALK`, or :data:`ESTIMATOR`, for which the
+    condensed controller walks, knows the friction. In ``single`` precision its weight on contact
+    forces of a robot that stands is larger (:data:`SINGLE_FORCE`). One that is unknown, or does not
+    take the robot, is an :class:`InputError`. The duration is in s.
     """
     if controller not in (*CONTROLLERS, ESTIMATOR, WALK):
         raise InputError.unknown("controller", controller, (*CONTROLLERS, ESTIMATOR, WALK))
     if controller == WALK:
         walk = WalkingGait(robot)
         walk.command[0] = WALK_SPEED * walk.max_speed
-        given: dict[str, Any] = {"disturbances": Disturbances(pushes=tuple(pushes)), "duration": duration}
-        given |= {"controller": {"name": "condensed", "parameters": _single_weights(walk)}} if single else {}
+        given: dict[str, Any] = {
+            "disturbances": Disturbances(pushes=tuple(pushes)),
+            "duration": duration,
+        }
+        given |= (
+            {"controller": {"name": "condensed", "parameters": _single_weights(walk)}}
+            if single
+            else {}
+        )
         return build(Scenario(ground=Ground(mu_s=friction), **given), gait=walk)
     sensors = Imu() if controller == ESTIMATOR else None
     controller = "condensed" if controller == ESTIMATOR else controller
     whole_body = controller in ("condensed", "wbc")
     if not whole_body and robot.name != "harpy":
-        raise InputError(f"'{controller}' is for Harpy's legs and thrusters, not for '{robot.name}'", name="controller")
+        raise InputError(
+            f"'{controller}' is for Harpy's legs and thrusters, not for '{robot.name}'",
+            name="controller",
+        )
     parameters: dict[str, Any] = {"solver": "active_set"} if controller == "wbc" else {}
     part: Governed | dict[str, Any]
-    part = {"name": controller, "parameters": parameters} if whole_body else Governed(governor=controller)
-    how: dict[str, Any] = {"disturbances": Disturbances(pushes=tuple(pushes)), "duration": duration, "sensors": sensors}
+    part = (
+        {"name": controller, "parameters": parameters}
+        if whole_body
+        else Governed(governor=controller)
+    )
+    how: dict[str, Any] = {
+        "disturbances": Disturbances(pushes=tuple(pushes)),
+        "duration": duration,
+        "sensors": sensors,
+    }
     if robot.name == "harpy":
         return build(Scenario(controller=part, ground=Ground(mu_s=friction), **how))
     gait: Gait
@@ -95,7 +119,9 @@ def ready(
         gait = Hovering(robot, shift=[10.0 * x for x in SHIFT])
         return build(Scenario(controller=part, **how), gait=gait)
     on_points = robot.corners == (1, 1)
-    stays = WalkingGait(robot, "step", (0.0, 0.0, 0.0)) if on_points else Standing(robot, shift=SHIFT)
+    stays = (
+        WalkingGait(robot, "step", (0.0, 0.0, 0.0)) if on_points else Standing(robot, shift=SHIFT)
+    )
     gait = stays
     ground = Ground(mu_s=friction, stiffness=robot.mass * GRAVITY / (len(robot.feet) * SINK))
     if whole_body and single:
@@ -110,7 +136,9 @@ def _single_weights(gait: Standing | WalkingGait) -> dict[str, Any]:
 
 @dataclass
 class _Watch:
-    """A controller whose inputs are kept, or beside one on the true state what a robot's sensors say."""
+    """A controller whose inputs are kept, or beside one on the true state what a robot's sensors
+    say.
+    """
 
     inner: GaitController
     what: Exportable
@@ -121,18 +149,25 @@ class _Watch:
     def __post_init__(self) -> None:
         self.period, self._last = self.inner.period, 0.0
         if self.sensing is not None:
-            self._given = Command(*(np.zeros(self.what.inputs[name]) for name in ("joint_torque", "thrust")))
+            self._given = Command(
+                *(np.zeros(self.what.inputs[name]) for name in ("joint_torque", "thrust"))
+            )
 
     def step(self, state: State) -> Command:
         """A tick; sensors belong to the target and the command of the last one."""
         if self.sensing is None:
             command = self.inner.step(state)
-            self._keep([*(getattr(state, name) for name in MEASURED), np.full(1, state.t - self._last)])
+            self._keep(
+                [*(getattr(state, name) for name in MEASURED), np.full(1, state.t - self._last)]
+            )
             self._last = state.t
             return command
         s, given = self.sensing.read(state, self._given.torque, self._given.thrust), self._given
         elapsed, force = np.full(1, self.period), np.full(len(state.foot_force), np.nan)
-        unit, joints = (s.gyroscope, s.accelerometer), (s.joint_position, s.joint_velocity, s.joint_torque)
+        unit, joints = (
+            (s.gyroscope, s.accelerometer),
+            (s.joint_position, s.joint_velocity, s.joint_torque),
+        )
         self._keep([elapsed, *unit, *joints, force, given.thrust])
         command = self.inner.step(state)
         self._given = Command(command.torque.copy(), command.thrust.copy())
@@ -154,16 +189,20 @@ def record(motion: Walk, what: Exportable) -> Recording:
     sensing = motion.sensors.sensing if isinstance(motion.sensors, EstimatedState) else None
     names = (*MEASURED, "elapsed") if sensing is None else tuple(what.inputs)
     watch = _Watch(motion.controller, what, sensing)
-    motion.simulator.run(watch, motion.scenario.duration, pushes=motion.scenario.disturbances.pushes)
+    motion.simulator.run(
+        watch, motion.scenario.duration, pushes=motion.scenario.disturbances.pushes
+    )
     columns = {name: np.array([row[n] for row in watch.inputs]) for n, name in enumerate(names)}
     return Recording(np.array(watch.target), columns)
 
 
-def answers(what: Exportable, code: Code, given: Recording) -> tuple[NDArray[Any], NDArray[np.int32]]:
+def answers(
+    what: Exportable, code: Code, given: Recording
+) -> tuple[NDArray[Any], NDArray[np.int32]]:
     """(ticks, ·) torques and thrusts, and (ticks,) the status, from the first state on.
 
-    In double precision those of the library's kernels; in single precision those of the exported C on this machine, for
-    which a :class:`HarpyError` asks for a compiler.
+    In double precision those of the library's kernels; in single precision those of the exported C
+    on this machine, for which a :class:`HarpyError` asks for a compiler.
     """
     return _from_kernels(what, given) if code.real == "double" else _from_c(what, code, given)
 
@@ -183,7 +222,9 @@ def _from_kernels(what: Exportable, given: Recording) -> tuple[NDArray[Any], NDA
     return np.array(commands), np.array(statuses, dtype=np.int32)
 
 
-def _from_c(what: Exportable, code: Code, given: Recording) -> tuple[NDArray[Any], NDArray[np.int32]]:
+def _from_c(
+    what: Exportable, code: Code, given: Recording
+) -> tuple[NDArray[Any], NDArray[np.int32]]:
     kind = np.float32 if code.real == "float" else np.float64
     with work_folder() as folder:
         lib = ctypes.CDLL(str(_library(code, Path(folder))))
@@ -195,7 +236,9 @@ def _from_c(what: Exportable, code: Code, given: Recording) -> tuple[NDArray[Any
     for n in range(len(given)):
         arrays = [given.target[n], *(given.inputs[name][n] for name in what.inputs)]
         inputs = [np.ascontiguousarray(array, dtype=kind) for array in arrays]
-        pointers = [ctypes.c_void_p(array.ctypes.data) for array in (*inputs, *outputs) if array.size]
+        pointers = [
+            ctypes.c_void_p(array.ctypes.data) for array in (*inputs, *outputs) if array.size
+        ]
         statuses.append(function(state, *pointers))
         commands.append(np.concatenate(outputs))
     return np.array(commands), np.array(statuses, dtype=np.int32)
@@ -204,7 +247,10 @@ def _from_c(what: Exportable, code: Code, given: Recording) -> tuple[NDArray[Any
 def _library(code: Code, folder: Path) -> Path:
     """The exported C as a shared library."""
     if compiler() is None:
-        raise HarpyError("the recorded answers in single precision are those of the C itself: install a C compiler")
+        raise HarpyError(
+            "the recorded answers in single precision are those of the C itself: install a C "
+            "compiler"
+        )
     for name, text in ((f"{code.name}.h", code.header), (f"{code.name}.c", code.source)):
         (folder / name).write_text(text, encoding="utf-8")
     library = folder / "controller.so"

@@ -1,4 +1,6 @@
-"""A walk that follows a velocity command: forward, sideways and turning, which may change at any time."""
+"""A walk that follows a velocity command: forward, sideways and turning, which may change at any
+time.
+"""
 
 from __future__ import annotations
 
@@ -17,7 +19,12 @@ from harpy_pin.arguments import checked
 from harpy_pin.errors import InputError, shown
 from harpy_pin.gaits.gait import LONGEST, GaitTarget, two_legs
 from harpy_pin.gaits.steering import FEET_APART, FROZEN, LONGEST_GAP, MAX_TURN, advance, restart
-from harpy_pin.gaits.straight import TUNED_STIFFNESS, StepParameters, penetration_offset_on, tuned_parameters
+from harpy_pin.gaits.straight import (
+    TUNED_STIFFNESS,
+    StepParameters,
+    penetration_offset_on,
+    tuned_parameters,
+)
 from harpy_pin.gaits.velocity import FollowsVelocity, Velocity, VelocityRecord
 from harpy_pin.ground.surface import TerrainRecord, flat_terrain
 from harpy_pin.kernels.calls import Call
@@ -33,7 +40,8 @@ SPARE = 0.02
 
 @dataclass(frozen=True, kw_only=True)
 class CommandedParameters(StepParameters):
-    """Rhythm and shape of the steps, see :class:`~harpy_pin.gaits.straight.StepParameters`, and how fast it changes.
+    """Rhythm and shape of the steps, see :class:`~harpy_pin.gaits.straight.StepParameters`, and how
+    fast it changes.
 
     Attributes:
         acceleration: largest change of the applied velocity, m/s².
@@ -71,28 +79,30 @@ class CommandedRecord(VelocityRecord, CommandedParameters):
 class CommandedGait(FollowsVelocity):
     """Targets of a walk of Harpy's kind of biped that follows a velocity command.
 
-    The command is (forward, sideways to the left, turning to the left), in m/s and rad/s, in the frame of the heading.
-    It begins standing at the origin, and ends standing: at zero command the walk slows down, places its feet side by
-    side, and stops in a double support.
+    The command is (forward, sideways to the left, turning to the left), in m/s and rad/s, in the
+    frame of the heading. It begins standing at the origin, and ends standing: at zero command the
+    walk slows down, places its feet side by side, and stops in a double support.
 
-    The velocity that is applied follows the command at bounded acceleration. A command is scaled down as a whole where
-    its velocity is above :attr:`most_speed` (turning counts by ``width``: \\|v\\| + \\|ω\\| width), sideways above
-    :attr:`most_sideways`, or its turning above 1 rad/s. One that holds NaN or infinity is ignored: the last finite one
-    is kept, and :attr:`refused` counts the updates.
+    The velocity that is applied follows the command at bounded acceleration. A command is scaled
+    down as a whole where its velocity is above :attr:`most_speed` (turning counts by ``width``:
+    \\|v\\| + \\|ω\\| width), sideways above :attr:`most_sideways`, or its turning above 1 rad/s.
+    One that holds NaN or infinity is ignored: the last finite one is kept, and :attr:`refused`
+    counts the updates.
 
-    It is a gait with memory, for one controller, in one thread: :meth:`update` goes on from the last time to the next.
-    Time zero, or one that is more than a step before the last, begins the walk anew; one that is less before it, as of
-    a clock that jitters, changes nothing.
+    It is a gait with memory, for one controller, in one thread: :meth:`update` goes on from the
+    last time to the next. Time zero, or one that is more than a step before the last, begins the
+    walk anew; one that is less before it, as of a clock that jitters, changes nothing.
 
     Args:
         robot: a biped with Harpy's kind of legs, left foot first.
-        velocity: the command; or rows of a script, (t, forward, sideways, turning), each valid from its time, s, on;
-            or a function from the time to these three.
+        velocity: the command; or rows of a script, (t, forward, sideways, turning), each valid from
+            its time, s, on; or a function from the time to these three.
         parameters: rhythm and shape of the steps.
 
     Attributes:
-        command: (3,) the present command; set it while the robot walks, ``gait.command = (0.3, 0.0, 0.0)``. The next
-            row of a script overwrites it. Where a function gives the command it is read only.
+        command: (3,) the present command; set it while the robot walks, ``gait.command = (0.3, 0.0,
+            0.0)``. The next row of a script overwrites it. Where a function gives the command it is
+            read only.
         applied: (3,) the velocity that is applied; read only.
         record: all that the walk remembers, for kernels.
         most_speed: m/s; what the legs reach, see :meth:`_speeds`.
@@ -100,14 +110,18 @@ class CommandedGait(FollowsVelocity):
         not_governed: why the paper's controller cannot follow it.
 
     Raises:
-        InputError: the robot is no biped, the velocity is none, or the legs do not reach so far as to stand and turn.
+        InputError: the robot is no biped, the velocity is none, or the legs do not reach so far as
+            to stand and turn.
     """
 
     not_governed = "faces x and cannot turn"
 
     @checked
     def __init__(
-        self, robot: Robot, velocity: Velocity = (0.0, 0.0, 0.0), parameters: CommandedParameters | None = None
+        self,
+        robot: Robot,
+        velocity: Velocity = (0.0, 0.0, 0.0),
+        parameters: CommandedParameters | None = None,
     ) -> None:
         self.geometry = two_legs(robot)
         self.robot = robot
@@ -137,18 +151,21 @@ class CommandedGait(FollowsVelocity):
 
     @property
     def controller_parameters(self) -> dict[str, Any]:
-        """Settings of whole-body controllers, see :func:`~harpy_pin.gaits.straight.tuned_parameters`."""
+        """Settings of whole-body controllers, see
+        :func:`~harpy_pin.gaits.straight.tuned_parameters`.
+        """
         return tuned_parameters(self.robot)
 
     def update(self, t: float) -> GaitTarget:
-        """Targets at time t ≥ 0, s; time zero, or one more than a step before the last, begins the walk anew.
+        """Targets at time t ≥ 0, s; time zero, or one more than a step before the last, begins the
+        walk anew.
 
         Args:
             t: time, s.
 
         Raises:
-            InputError: t is not finite, beyond 1e9 s, or more than 1000 s after the last one; or the function of the
-                command returns other than three numbers.
+            InputError: t is not finite, beyond 1e9 s, or more than 1000 s after the last one; or
+                the function of the command returns other than three numbers.
         """
         last = float(self._state["time"])
         if type(t) is not float:
@@ -173,7 +190,9 @@ class CommandedGait(FollowsVelocity):
 
     @checked
     def initial_state(self, *, penetration: float = 0.0) -> tuple[Vector, Vector]:
-        """See :meth:`~harpy_pin.gaits.gait.Gait.initial_state`; the walk's memory stays as it is."""
+        """See :meth:`~harpy_pin.gaits.gait.Gait.initial_state`; the walk's memory stays as it
+        is.
+        """
         model, p = self.robot.model, self.parameters
         q = pin.neutral(model)
         done = 0.5 * p.double_support / (1.0 + p.double_support)
@@ -194,7 +213,9 @@ class CommandedGait(FollowsVelocity):
         }
 
     def telemetry(self) -> Mapping[str, ArrayLike]:
-        """The command, the velocity that is applied, the target's heading, and how many commands were refused."""
+        """The command, the velocity that is applied, the target's heading, and how many commands
+        were refused.
+        """
         return {
             "command": self.command,
             "applied_velocity": self.applied,
@@ -208,15 +229,21 @@ class CommandedGait(FollowsVelocity):
 
     def _advance(self, t: float) -> None:
         if not advance(t, self._record_, self.target._record_):
-            message = f"the gait's time must be finite, below {LONGEST:g} s and within {LONGEST_GAP:g} s of the last"
-            raise InputError(f"{message}, {self._state['time']:g} s; got {shown(t)}", name="t", value=t)
+            message = (
+                f"the gait's time must be finite, below {LONGEST:g} s and within "
+                f"{LONGEST_GAP:g} s of the last"
+            )
+            raise InputError(
+                f"{message}, {self._state['time']:g} s; got {shown(t)}", name="t", value=t
+            )
 
     def _speeds(self) -> tuple[float, float]:
         """Largest velocity, and largest sideways, m/s.
 
-        Seen from the body, a stance foot moves by |v| + |ω| width at most, for half a stance to either side of where it
-        stands. To this come the sway, and the body's motion that was unknown when the foothold was fixed: a (f + h)²/2
-        at most, where a is the acceleration, h half a stance, and f the end of the swing.
+        Seen from the body, a stance foot moves by |v| + |ω| width at most, for half a stance to
+        either side of where it stands. To this come the sway, and the body's motion that was
+        unknown when the foothold was fixed: a (f + h)²/2 at most, where a is the acceleration, h
+        half a stance, and f the end of the swing.
         """
         p = self.parameters
         half = 0.5 * p.step_duration * (1.0 + p.double_support)
@@ -238,23 +265,33 @@ def make_commanded_gait(
     Args:
         robot: a biped of Harpy's kind.
         velocity: to follow, see :class:`CommandedGait`.
-        stiffness: of the ground that the walk is for, N/m, see :func:`~harpy_pin.gaits.straight.make_gait`.
+        stiffness: of the ground that the walk is for, N/m, see
+            :func:`~harpy_pin.gaits.straight.make_gait`.
 
     Raises:
-        InputError: a value out of its domain, or a ground so soft that the feet cannot reach so deep.
+        InputError: a value out of its domain, or a ground so soft that the feet cannot reach so
+            deep.
     """
     return CommandedGait(
-        robot, velocity, CommandedParameters(penetration_offset=penetration_offset_on(robot, stiffness))
+        robot,
+        velocity,
+        CommandedParameters(penetration_offset=penetration_offset_on(robot, stiffness)),
     )
 
 
 @lru_cache(maxsize=32)
 def _reach(robot: Robot, p: CommandedParameters) -> float:
-    """Radius of the largest circle on the ground around where a foot stands that its leg reaches, m.
+    """Radius of the largest circle on the ground around where a foot stands that its leg reaches,
+    m.
 
     At the height of mid-swing half of it must be in reach.
     """
-    geometry, lower, upper, angles = two_legs(robot), robot.joint_lower, robot.joint_upper, np.empty(3)
+    geometry, lower, upper, angles = (
+        two_legs(robot),
+        robot.joint_lower,
+        robot.joint_upper,
+        np.empty(3),
+    )
 
     def reached(k: int, x: float, y: float, z: float) -> bool:
         inside = leg_inverse(geometry[k].record[0], np.array((x, y, z)), angles) <= 1e-12
@@ -263,7 +300,12 @@ def _reach(robot: Robot, p: CommandedParameters) -> float:
 
     def circle(radius: float) -> bool:
         return all(
-            reached(k, share * radius * np.cos(angle), side * p.width + share * radius * np.sin(angle), z - p.height)
+            reached(
+                k,
+                share * radius * np.cos(angle),
+                side * p.width + share * radius * np.sin(angle),
+                z - p.height,
+            )
             for k, side in enumerate((1.0, -1.0))
             for share, z in ((1.0, -p.penetration_offset), (0.5, p.clearance))
             for angle in np.linspace(0.0, 2.0 * np.pi, 24, endpoint=False)

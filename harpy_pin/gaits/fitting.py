@@ -34,7 +34,13 @@ GAINS: Mapping[str, Any] = {
     "estimate_friction": False,
 }
 """Gains for any robot, and the share of friction."""
-WEIGHTS: Mapping[str, float] = {"orientation": 0.1, "swing": 5.0, "posture": 1e-6, "arms": 1.0, "thrust": 5e-3}
+WEIGHTS: Mapping[str, float] = {
+    "orientation": 0.1,
+    "swing": 5.0,
+    "posture": 1e-6,
+    "arms": 1.0,
+    "thrust": 5e-3,
+}
 """Weights of the tasks for a robot that stays where it is."""
 MIN_SHARE = 0.02
 """Least normal force of a contact point, as a share of its load when all are loaded alike."""
@@ -74,7 +80,9 @@ POSTURE_WEIGHT = 1e-7
 it for one optimum, not for a posture."""
 
 
-def fitting_parameters(robot: Robot, *, leg: float | None = None, rise: float | None = None) -> dict[str, Any]:
+def fitting_parameters(
+    robot: Robot, *, leg: float | None = None, rise: float | None = None
+) -> dict[str, Any]:
     """Settings of whole-body controllers that fit a robot which may stand, step or walk.
 
     They are those of :func:`standing_parameters`, but: a foot, not each of its corners, is loaded
@@ -142,8 +150,8 @@ def standing_parameters(robot: Robot) -> dict[str, Any]:
 
 
 def leg_length(robot: Robot) -> float:
-    """Length of a stretched leg from the last joint above its knee to the foot, the shortest of all,
-    m; zero of a robot without legs.
+    """Length of a stretched leg from the last joint above its knee to the foot, the shortest of
+    all, m; zero of a robot without legs.
 
     Args:
         robot: any.
@@ -152,7 +160,9 @@ def leg_length(robot: Robot) -> float:
     pin.framesForwardKinematics(model, data, pin.neutral(model))
     lengths = []
     for leg in legs(robot):
-        foot: Vector = np.mean([data.oMf[robot.frame_id(name)].translation for name in leg.points], axis=0)
+        foot: Vector = np.mean(
+            [data.oMf[robot.frame_id(name)].translation for name in leg.points], axis=0
+        )
         way = [*(data.oMi[j].translation for j in leg.below_hip), foot]
         lengths.append(sum(float(np.linalg.norm(b - a)) for a, b in pairwise(way)))
     return min(lengths, default=0.0)

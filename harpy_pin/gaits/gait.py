@@ -55,69 +55,81 @@ class GaitTarget(KeepsViews, GaitTargetRecord):
     """Targets at one time; overwritten by the next :meth:`Gait.update`.
 
     Args:
-        feet: how many the robot has, in the order of :attr:`~harpy_pin.model.robot.Robot.feet`; a biped's left one
-            first.
+        feet: how many the robot has, in the order of :attr:`~harpy_pin.model.robot.Robot.feet`; a
+            biped's left one first.
 
     Attributes:
         record: all of it, for kernels; the others are views of its fields, which have their names.
         body: (9,) position c_t (m), velocity (m/s), acceleration (m/s²) of the body, world.
-        heading: (3,) yaw of the upright target body (rad), its rate (rad/s) and acceleration (rad/s²); zero where the
-            gait faces x.
+        heading: (3,) yaw of the upright target body (rad), its rate (rad/s) and acceleration
+            (rad/s²); zero where the gait faces x.
         foot_position: (feet, 3) each foot relative to the body's target, world axes, m.
         foot_velocity: (feet, 3) of that, m/s.
         foot_acceleration: (feet, 3) of that, m/s².
         stance: (feet,) 1 where the foot should be on the ground, else 0.
-        phase: (feet,) share of its present stance or swing that each foot has done, 0 to 1. After half of its swing a
-            foot that touches the ground is held.
-        load: (feet,) share of the usual range of its normal force in which each foot may be loaded; 1 where a gait
-            says nothing else. A corner of a stance sole with 0 is lifted: it follows its target, while others bear.
-        world_frame_blend: (feet,) for controllers that place feet relative to the measured body: 1 where the target
-            holds in world axes (a swing foot must meet the ground, however the body tilts), 0 where it holds in body
-            axes (a stance leg sets the body upright), between them during the transition.
-        normal: (feet, 3) normals of the ground at the feet, upwards; vertical where a gait says nothing else. Friction
-            cones are about them. All corners of a flat foot have that of its first one.
+        phase: (feet,) share of its present stance or swing that each foot has done, 0 to 1. After
+            half of its swing a foot that touches the ground is held.
+        load: (feet,) share of the usual range of its normal force in which each foot may be loaded;
+            1 where a gait says nothing else. A corner of a stance sole with 0 is lifted: it follows
+            its target, while others bear.
+        world_frame_blend: (feet,) for controllers that place feet relative to the measured body: 1
+            where the target holds in world axes (a swing foot must meet the ground, however the
+            body tilts), 0 where it holds in body axes (a stance leg sets the body upright), between
+            them during the transition.
+        normal: (feet, 3) normals of the ground at the feet, upwards; vertical where a gait says
+            nothing else. Friction cones are about them. All corners of a flat foot have that of its
+            first one.
         ground_height: (feet,) height of the ground below each foot, m.
-        up: (3,) direction of the target body's z axis, world, of length one; vertical where a gait says nothing else.
-        centre_of_mass: (1,) 1 where the horizontal acceleration in ``body`` is that of the centre of mass, for the
-            whole-body controllers, instead of that of the body's origin.
+        up: (3,) direction of the target body's z axis, world, of length one; vertical where a gait
+            says nothing else.
+        centre_of_mass: (1,) 1 where the horizontal acceleration in ``body`` is that of the centre
+            of mass, for the whole-body controllers, instead of that of the body's origin.
     """
 
     _record_: Records[GaitTargetRecord]
 
     def __init__(self, feet: int = 2) -> None:
-        self.record = make_record(GaitTargetRecord, {"feet": checks.whole("feet", feet, high=MAX_FEET)})
+        self.record = make_record(
+            GaitTargetRecord, {"feet": checks.whole("feet", feet, high=MAX_FEET)}
+        )
         self._record_["normal"][0, :, 2] = self._record_["up"][0, 2] = 1.0
         for name in _ARRAYS:
             setattr(self, name, field(self._record_, name))
 
 
 class Gait(Protocol):
-    """Targets of a walk for one robot: three members, and any controller of this library follows it.
+    """Targets of a walk for one robot: three members, and any controller of this library follows
+    it.
 
     What else a gait may have is used where it is there:
 
-    - ``step_duration``: time from one touchdown to the next, s. Measures per step are per second where there is none.
-    - ``double_support``: share of a step with both feet on the ground, over which the load moves from one foot to the
-      other. Without it a foot may take the whole load at once.
-    - ``observe(state)``: takes the measured :class:`~harpy_pin.model.state.State` of a tick, before ``update`` of its
-      time, for gaits that choose their steps by it. Bad samples come, too: the gait has to ignore them.
+    - ``step_duration``: time from one touchdown to the next, s. Measures per step are per second
+      where there is none.
+    - ``double_support``: share of a step with both feet on the ground, over which the load moves
+      from one foot to the other. Without it a foot may take the whole load at once.
+    - ``observe(state)``: takes the measured :class:`~harpy_pin.model.state.State` of a tick, before
+      ``update`` of its time, for gaits that choose their steps by it. Bad samples come, too: the
+      gait has to ignore them.
     - ``describe() -> Mapping[str, Any]``: parameters, for the log's metadata.
-    - ``controller_parameters``: settings of whole-body controllers that fit it, as a mapping. They take them before
-      those that fit its robot (:mod:`harpy_pin.gaits.fitting`), which are enough for most gaits.
-    - ``telemetry() -> Mapping[str, ArrayLike]``: signals of the last update, the same names and shapes each time, which
-      the whole-body controllers log.
+    - ``controller_parameters``: settings of whole-body controllers that fit it, as a mapping. They
+      take them before those that fit its robot (:mod:`harpy_pin.gaits.fitting`), which are enough
+      for most gaits.
+    - ``telemetry() -> Mapping[str, ArrayLike]``: signals of the last update, the same names and
+      shapes each time, which the whole-body controllers log.
     - ``expect_lag(lag)``: takes the time constant of the thrusts that the controller assumes, s.
     - ``expect_friction(mu)``: takes the friction coefficient that the controller assumes.
-    - ``calls(state)``: the kernels of an update at the time of a tick (:class:`~harpy_pin.kernels.calls.Call`), with
-      those of ``observe`` before, for a loop in C (:mod:`harpy_pin.simulation.ticks`); None where Python takes part.
-      They write the gait's own ``target``. ``state`` has the arrays of the measured state, which stay where they are;
-      those of ``telemetry()`` do, too.
+    - ``calls(state)``: the kernels of an update at the time of a tick
+      (:class:`~harpy_pin.kernels.calls.Call`), with those of ``observe`` before, for a loop in C
+      (:mod:`harpy_pin.simulation.ticks`); None where Python takes part. They write the gait's own
+      ``target``. ``state`` has the arrays of the measured state, which stay where they are; those
+      of ``telemetry()`` do, too.
 
-    A gait around another one passes these on. The paper's controller faces x: it refuses targets with a heading.
+    A gait around another one passes these on. The paper's controller faces x: it refuses targets
+    with a heading.
 
-    The library's own gaits never change, and every controller takes a copy with targets of its own. A gait of one's own
-    is used as it is, so that it may be steered during the walk: it is for one controller, in one thread. So is
-    :class:`~harpy_pin.gaits.commanded.CommandedGait`.
+    The library's own gaits never change, and every controller takes a copy with targets of its own.
+    A gait of one's own is used as it is, so that it may be steered during the walk: it is for one
+    controller, in one thread. So is :class:`~harpy_pin.gaits.commanded.CommandedGait`.
 
     Attributes:
         robot: who walks.
@@ -132,7 +144,8 @@ class Gait(Protocol):
             t: time, s, finite and not negative.
 
         Returns:
-            The targets, with as many feet as the robot has; best the same object each time, overwritten.
+            The targets, with as many feet as the robot has; best the same object each time,
+            overwritten.
         """
         ...
 
@@ -140,7 +153,8 @@ class Gait(Protocol):
         """Configuration (nq,) and velocity (nv,) that match the targets at t = 0.
 
         Args:
-            penetration: how deep the lower foot is in the ground, m (see ``Simulator.static_penetration``).
+            penetration: how deep the lower foot is in the ground, m (see
+                ``Simulator.static_penetration``).
         """
         ...
 
@@ -173,13 +187,19 @@ class CompletedGait:
         self.telemetry: Callable[[], Mapping[str, ArrayLike]] = getattr(gait, "telemetry", dict)
         self.observe: Callable[[State], None] | None = getattr(gait, "observe", None)
         self.expect_lag: Callable[[float], None] | None = getattr(gait, "expect_lag", None)
-        self.expect_friction: Callable[[float], None] | None = getattr(gait, "expect_friction", None)
+        self.expect_friction: Callable[[float], None] | None = getattr(
+            gait, "expect_friction", None
+        )
         self.controller_parameters: Mapping[str, Any] = getattr(gait, "controller_parameters", {})
 
     def describe(self) -> Mapping[str, Any]:
         """The gait's own parameters, or its kind."""
         own = getattr(self.gait, "describe", None)
-        return own() if own is not None else {"gait": type(self.gait).__name__, "step_duration": self.step_duration}
+        return (
+            own()
+            if own is not None
+            else {"gait": type(self.gait).__name__, "step_duration": self.step_duration}
+        )
 
 
 def check_gait(gait: object) -> None:
@@ -191,13 +211,16 @@ def check_gait(gait: object) -> None:
     missing = [name for name in ("robot", "update", "initial_state") if not hasattr(gait, name)]
     if missing:
         message = (
-            f"a gait needs robot, update(t) and initial_state(); {type(gait).__name__} has no {', '.join(missing)}"
+            f"a gait needs robot, update(t) and initial_state(); {type(gait).__name__} has "
+            f"no {', '.join(missing)}"
         )
         raise InputError(message, name="gait", value=gait)
 
 
 def calls_of(gait: Gait, state: State) -> Sequence[Call] | None:
-    """The kernels of an update of a gait, at a state whose arrays stay where they are; None where Python takes part."""
+    """The kernels of an update of a gait, at a state whose arrays stay where they are; None where
+    Python takes part.
+    """
     calls: Callable[[State], Sequence[Call] | None] = getattr(gait, "calls", lambda _: None)
     return calls(state)
 
@@ -205,8 +228,9 @@ def calls_of(gait: Gait, state: State) -> Sequence[Call] | None:
 def own_target(gait: Gait) -> FullGait:
     """The gait that a controller follows.
 
-    Where its class says itself that it never changes (that of a subclass may), it is a copy with targets of its own;
-    otherwise the gait itself, if it has all that :class:`FullGait` has, or in front of it a :class:`CompletedGait`.
+    Where its class says itself that it never changes (that of a subclass may), it is a copy with
+    targets of its own; otherwise the gait itself, if it has all that :class:`FullGait` has, or in
+    front of it a :class:`CompletedGait`.
 
     Raises:
         InputError: it is no gait; the message says what is missing.
@@ -217,7 +241,9 @@ def own_target(gait: Gait) -> FullGait:
         own = shares_memory(full)
         own.target = GaitTarget(len(gait.robot.feet))
         return own
-    if all(hasattr(gait, name) for name in ("target", "step_duration", "double_support", "describe")):
+    if all(
+        hasattr(gait, name) for name in ("target", "step_duration", "double_support", "describe")
+    ):
         return full
     return CompletedGait(gait)
 
@@ -230,7 +256,11 @@ def check_target(target: object, robot: Robot) -> GaitTarget:
     """
     feet = len(robot.feet)
     if not isinstance(target, GaitTarget) or len(target.stance) != feet:
-        got = f"one of {len(target.stance)}" if isinstance(target, GaitTarget) else type(target).__name__
+        got = (
+            f"one of {len(target.stance)}"
+            if isinstance(target, GaitTarget)
+            else type(target).__name__
+        )
         message = f"update(t) of a gait must return a GaitTarget of {feet} feet, got {got}"
         raise InputError(message, name="gait", value=target)
     return target
@@ -293,7 +323,9 @@ class ClockGait(KeepsViews):
 
 def refuse_time(t: float) -> InputError:
     """The error for a time that is not finite, or beyond :data:`LONGEST`."""
-    return InputError(f"the gait's time must be finite and below {LONGEST:g} s, got {shown(t)}", name="t", value=t)
+    return InputError(
+        f"the gait's time must be finite and below {LONGEST:g} s, got {shown(t)}", name="t", value=t
+    )
 
 
 def two_legs(robot: Robot) -> tuple[LegGeometry, LegGeometry]:
@@ -305,9 +337,13 @@ def two_legs(robot: Robot) -> tuple[LegGeometry, LegGeometry]:
     """
     checks.instance("robot", robot, Robot)
     if len(robot.feet) != 2:
-        message = f"this gait is for bipeds of Harpy's kind: it needs two feet, '{robot.name}' has {len(robot.feet)}"
+        message = (
+            f"this gait is for bipeds of Harpy's kind: it needs two feet, '{robot.name}' has "
+            f"{len(robot.feet)}"
+        )
         raise InputError(
-            f"{message}; use {'hp.WalkingGait or hp.Standing' if robot.feet else 'hp.Hovering'}", name="robot"
+            f"{message}; use {'hp.WalkingGait or hp.Standing' if robot.feet else 'hp.Hovering'}",
+            name="robot",
         )
     left, right = (LegGeometry.from_robot(robot, foot) for foot in robot.feet)
     left.prepare()

@@ -1,9 +1,10 @@
 """A gait of flat ground, laid over ground that is not flat, known or felt.
 
-On a slope that is too steep for friction the body is downhill of its feet. Thrust then holds what friction does not,
-and it acts high above the feet, so that it tips the robot uphill. The weight balances that where the centre of mass is
-downhill of the feet. With the thrust T along the slope of angle a, at the height h above the feet and the distance l
-uphill of them, the moments about the feet are zero where the centre of mass is downhill by
+On a slope that is too steep for friction the body is downhill of its feet. Thrust then holds what
+friction does not, and it acts high above the feet, so that it tips the robot uphill. The weight
+balances that where the centre of mass is downhill of the feet. With the thrust T along the slope of
+angle a, at the height h above the feet and the distance l uphill of them, the moments about the
+feet are zero where the centre of mass is downhill by
 
     (T / W) (h cos a − l sin a),   T = W (sin a − μ cos a)
 
@@ -41,10 +42,13 @@ STEPS, DAMPING = 100, 1e-6
 LEAST_REACH = 0.15
 """Half the side of the square whose plane the body follows, at least, m."""
 LEANING = 4
-"""Feet from which on a robot leans with the ground: legs before and behind the body would differ in length otherwise.
-Robots on two feet stay upright."""
+"""Feet from which on a robot leans with the ground: legs before and behind the body would differ in
+length otherwise. Robots on two feet stay upright.
+"""
 FRICTION_SHARE = 0.6
-"""Share of the friction that the body's place on a steep slope counts on: controllers leave some of it for errors."""
+"""Share of the friction that the body's place on a steep slope counts on: controllers leave some of
+it for errors.
+"""
 DOWNHILL_STEPS = 4
 """Steps of the iteration that finds this place; each leaves a sixth of the error."""
 KEPT = 2
@@ -54,23 +58,24 @@ LOADED = 0.05
 FAR_BEHIND = -1e9
 """Where the profile that lifts the plane begins, m."""
 LOWERED, LOWER, CLOSE = 10, 0.02, 2e-3
-"""How often the body of a robot on soles is lowered at most until they are where they should be, by which share of its
-height, and how near that is, m: legs of humanoids are nearly straight."""
+"""How often the body of a robot on soles is lowered at most until they are where they should be, by
+which share of its height, and how near that is, m: legs of humanoids are nearly straight.
+"""
 
 
 class OnTerrain(KeepsViews):
     """A gait of flat ground whose feet stay on the ground, and whose body stays as high above it.
 
-    Heights are all that changes: of a foot by that of the ground below it, of the body by that of the plane which fits
-    the ground around it best. Normals are those of the ground below each foot. The body of a robot on four feet leans
-    with that plane.
+    Heights are all that changes: of a foot by that of the ground below it, of the body by that of
+    the plane which fits the ground around it best. Normals are those of the ground below each foot.
+    The body of a robot on four feet leans with that plane.
 
     Args:
         gait: of flat ground.
         terrain: that it is laid over.
         normal_error: of the normals in its targets, an angle about y, rad.
-        friction: static coefficient. On a plane that is too steep for it a robot with thrusters is downhill of its feet
-            (:func:`downhill`). Where it is not given, it is enough.
+        friction: static coefficient. On a plane that is too steep for it a robot with thrusters is
+            downhill of its feet (:func:`downhill`). Where it is not given, it is enough.
 
     Attributes:
         gait: of flat ground.
@@ -80,14 +85,21 @@ class OnTerrain(KeepsViews):
 
     @checked
     def __init__(
-        self, gait: Gait, terrain: Terrain, *, normal_error: float = 0.0, friction: float | None = None
+        self,
+        gait: Gait,
+        terrain: Terrain,
+        *,
+        normal_error: float = 0.0,
+        friction: float | None = None,
     ) -> None:
         self.gait: FullGait = own_target(gait)
         self.robot, self.terrain = gait.robot, terrain
         self.step_duration, self.double_support = self.gait.step_duration, self.gait.double_support
         q = self.gait.initial_state(penetration=0.0)[0]
         feet = self._feet(q)[0]
-        apart = np.linalg.norm((feet - feet.mean(axis=0))[:, :2], axis=1).max() if len(feet) else 0.0
+        apart = (
+            np.linalg.norm((feet - feet.mean(axis=0))[:, :2], axis=1).max() if len(feet) else 0.0
+        )
         self._record = make_record(
             OnTerrainRecord,
             {"feet": len(self.robot.feet)},
@@ -102,7 +114,9 @@ class OnTerrain(KeepsViews):
             slope = terrain.record["slope"][0]
             self._record["offset"][0] = downhill(self.robot, self._with_offset, slope, friction)
         self.lay_over(terrain)
-        if type(self.gait) is StraightGait and not self.gait.standing:  # where its feet land is known
+        if (
+            type(self.gait) is StraightGait and not self.gait.standing
+        ):  # where its feet land is known
             ahead, aside = self.gait.swing_curve[-1, :2]
             self._record["swing_time"] = self.step_duration * (1.0 - self.double_support)
             self._record["landing"][0] = (ahead, aside), (ahead, -aside)
@@ -125,7 +139,9 @@ class OnTerrain(KeepsViews):
         if isinstance(self.gait, WalkingGait):
             reach = float(self._record["reach"][0])
             self._record["own_swings"] = walk_over(self.gait._record_, terrain.record, reach)
-            self.step_duration = self.gait.step_duration = float(self.gait._record_["usual_step"][0])
+            self.step_duration = self.gait.step_duration = float(
+                self.gait._record_["usual_step"][0]
+            )
         if isinstance(self.gait, CommandedGait):
             self.gait._record_["terrain"] = terrain.record
 
@@ -144,11 +160,15 @@ class OnTerrain(KeepsViews):
         calls = calls_of(self.gait, state)
         if type(self) is not OnTerrain or calls is None:
             return None
-        return *calls, Call(lay_over, 0.0, self._record, self.gait.target._record_, self.target._record_)
+        return *calls, Call(
+            lay_over, 0.0, self._record, self.gait.target._record_, self.target._record_
+        )
 
     @checked
     def initial_state(self, *, penetration: float = 0.0) -> tuple[Vector, Vector]:
-        """See :meth:`~harpy_pin.gaits.gait.Gait.initial_state`; body and feet are as high above the ground as there."""
+        """See :meth:`~harpy_pin.gaits.gait.Gait.initial_state`; body and feet are as high above the
+        ground as there.
+        """
         q, v = self.gait.initial_state(penetration=penetration)
         flat, speed = self._feet(q)[0], self._feet(q)[1] @ v
         reach = float(self._record["reach"][0])
@@ -157,7 +177,9 @@ class OnTerrain(KeepsViews):
         q[2] += height
         q[:3] += self._record["offset"][0]
         if self._record["leans"][0]:
-            turn = pin.Quaternion.FromTwoVectors(np.array((0.0, 0.0, 1.0)), np.array((-along, -across, 1.0)))
+            turn = pin.Quaternion.FromTwoVectors(
+                np.array((0.0, 0.0, 1.0)), np.array((-along, -across, 1.0))
+            )
             q[3:7] = (turn * pin.Quaternion(*q[[6, 3, 4, 5]])).coeffs()
         desired = flat.copy()
         desired[:, 2] += self.terrain.height(flat[:, 0], flat[:, 1])
@@ -179,7 +201,9 @@ class OnTerrain(KeepsViews):
         for _ in range(STEPS):
             feet, jacobian = self._feet(q)
             legs = jacobian[:, 6:]
-            step = legs.T @ np.linalg.solve(legs @ legs.T + DAMPING * np.eye(len(legs)), (desired - feet).ravel())
+            step = legs.T @ np.linalg.solve(
+                legs @ legs.T + DAMPING * np.eye(len(legs)), (desired - feet).ravel()
+            )
             q = pin.integrate(self.robot.model, q, np.concatenate((np.zeros(6), step)))
         return q
 
@@ -195,13 +219,19 @@ class OnTerrain(KeepsViews):
         pin.updateFramePlacements(model, data)
         frames = [self.robot.frame_id(name) for name in self.robot.feet]
         places = np.array([data.oMf[frame].translation for frame in frames]).reshape(-1, 3)
-        rows = [pin.getFrameJacobian(model, data, frame, pin.LOCAL_WORLD_ALIGNED)[:3] for frame in frames]
+        rows = [
+            pin.getFrameJacobian(model, data, frame, pin.LOCAL_WORLD_ALIGNED)[:3]
+            for frame in frames
+        ]
         return places, np.vstack([np.zeros((0, model.nv)), *rows])
 
     def describe(self) -> Mapping[str, Any]:
         """Parameters of the gait, and the terrain."""
         numbers = {name: self._record[name][0].tolist() for name in ("normal_error", "offset")}
-        return {**self.gait.describe(), "on_terrain": {"terrain": self.terrain.to_dict(), **numbers}}
+        return {
+            **self.gait.describe(),
+            "on_terrain": {"terrain": self.terrain.to_dict(), **numbers},
+        }
 
     def telemetry(self) -> Mapping[str, ArrayLike]:
         """The gait's signals."""
@@ -210,10 +240,11 @@ class OnTerrain(KeepsViews):
 
 
 class OnFeltGround(OnTerrain):
-    """A gait of flat ground, laid over the plane nearest to the places where its feet have touched the ground.
+    """A gait of flat ground, laid over the plane nearest to the places where its feet have touched
+    the ground.
 
-    The places are the last two of each foot, from the measured state. What they say nothing of stays as it was, and the
-    estimate follows with a lag.
+    The places are the last two of each foot, from the measured state. What they say nothing of
+    stays as it was, and the estimate follows with a lag.
 
     Args:
         gait: of flat ground.
@@ -272,7 +303,9 @@ class OnFeltGround(OnTerrain):
         middle = known.mean(axis=0)
         around = known - middle
         normal = around[:, :2].T @ around[:, :2] + self._spread**2 * np.eye(2)
-        slope = np.linalg.solve(normal, around[:, :2].T @ around[:, 2] + self._spread**2 * self.slope)
+        slope = np.linalg.solve(
+            normal, around[:, :2].T @ around[:, 2] + self._spread**2 * self.slope
+        )
         share = 1.0 - np.exp(-span / self._lag) if self._lag > 0.0 else 1.0
         self.slope += share * (slope - self.slope)
         self._height += share * (middle[2] - slope @ middle[:2] - self._height)
@@ -289,12 +322,15 @@ class OnFeltGround(OnTerrain):
                 own[name] = terrain[name]
 
 
-def downhill(robot: Robot, posture: Callable[[Vector], Vector], slope: Vector, friction: float) -> Vector:
+def downhill(
+    robot: Robot, posture: Callable[[Vector], Vector], slope: Vector, friction: float
+) -> Vector:
     """How far the body of a robot with free thrusters goes from its place, along the slope.
 
     Args:
         robot: who stands.
-        posture: from an offset of the body, (3,) in m, to the configuration that has it, with the feet in their places.
+        posture: from an offset of the body, (3,) in m, to the configuration that has it, with the
+            feet in their places.
         slope: (2,) rise of the ground per metre along x and y.
         friction: static coefficient.
 

@@ -1,4 +1,6 @@
-"""Gaits that stay in one place: standing on every foot, and hovering without any; the body's weight may be shifted."""
+"""Gaits that stay in one place: standing on every foot, and hovering without any; the body's weight
+may be shifted.
+"""
 
 from __future__ import annotations
 
@@ -40,12 +42,16 @@ class StayingRecord(RecordOf):
     penetration_offset: float  # how much deeper than the ground an unloaded foot aims, m
     begin: float = 0.0  # of the last move, s
     duration: float = 0.0  # of it, s
-    way: Vector = sized(DEGREE + 1, 3)  # coefficients of the offset's polynomial in the time since its begin
+    way: Vector = sized(
+        DEGREE + 1, 3
+    )  # coefficients of the offset's polynomial in the time since its begin
 
 
 @kernel(out=(3, 3))
 def _offset(t: float, p: StayingRecord, out: Vector) -> None:
-    """Offset that was asked for: (3, 3) position, velocity and acceleration; at rest before and after the way."""
+    """Offset that was asked for: (3, 3) position, velocity and acceleration; at rest before and
+    after the way.
+    """
     s = min(max(t - p.begin, 0.0), p.duration)
     moving = 0.0 <= t - p.begin < p.duration
     out[:] = 0.0
@@ -59,7 +65,9 @@ def _offset(t: float, p: StayingRecord, out: Vector) -> None:
 
 @kernel
 def _stay(t: float, p: StayingRecord, o: GaitTargetRecord) -> bool:
-    """All targets at time t, of a robot with any number of feet or none; returns whether it is one."""
+    """All targets at time t, of a robot with any number of feet or none; returns whether it is
+    one.
+    """
     if not abs(t) < LONGEST:
         return False
     rate = 2.0 * np.pi / p.shift_period
@@ -83,9 +91,9 @@ def _stay(t: float, p: StayingRecord, o: GaitTargetRecord) -> bool:
 class Staying(ClockGait):
     """Targets of a robot whose feet, if it has any, stay where they are.
 
-    The body's target goes from its place to ``shift`` and back, over and over, smoothly and from rest. At any time
-    :meth:`move` sends it elsewhere. Nothing else changes it, so that controllers may copy the gait
-    (:func:`~harpy_pin.gaits.gait.own_target`); their copies move with it.
+    The body's target goes from its place to ``shift`` and back, over and over, smoothly and from
+    rest. At any time :meth:`move` sends it elsewhere. Nothing else changes it, so that controllers
+    may copy the gait (:func:`~harpy_pin.gaits.gait.own_target`); their copies move with it.
 
     Attributes:
         step_duration: one second, so that measures per step are per second.
@@ -121,17 +129,20 @@ class Staying(ClockGait):
 
     @property
     def controller_parameters(self) -> dict[str, Any]:
-        """Settings of whole-body controllers: :func:`~harpy_pin.gaits.fitting.standing_parameters` of the robot."""
+        """Settings of whole-body controllers: :func:`~harpy_pin.gaits.fitting.standing_parameters`
+        of the robot.
+        """
         return standing_parameters(self.robot)
 
     def move(self, offset: ArrayLike, *, t: float, duration: float = 1.0) -> None:
         """Send the body to another place, from the time t on; it gets there at rest, and stays.
 
-        The way is a polynomial of fifth order, which takes up position, velocity and acceleration of the way before: a
-        move may begin while another goes on.
+        The way is a polynomial of fifth order, which takes up position, velocity and acceleration
+        of the way before: a move may begin while another goes on.
 
         Args:
-            offset: (3,) from where the posture has the body, world axes, m; what ``shift`` does comes on top.
+            offset: (3,) from where the posture has the body, world axes, m; what ``shift`` does
+                comes on top.
             t: when it begins, s.
             duration: of the way, s, from a microsecond to 1e9 s.
 
@@ -146,8 +157,16 @@ class Staying(ClockGait):
         way = np.zeros((DEGREE + 1, 3))
         way[:3] = start / np.array([[1.0], [1.0], [2.0]])
         # Rest at the end: position, velocity and acceleration by the three highest coefficients.
-        powers = np.array([[perm(n, d) * length ** (n - d) for n in range(3, DEGREE + 1)] for d in range(3)])
-        low = np.array([way[0] + (way[1] + way[2] * length) * length, way[1] + 2.0 * way[2] * length, 2.0 * way[2]])
+        powers = np.array(
+            [[perm(n, d) * length ** (n - d) for n in range(3, DEGREE + 1)] for d in range(3)]
+        )
+        low = np.array(
+            [
+                way[0] + (way[1] + way[2] * length) * length,
+                way[1] + 2.0 * way[2] * length,
+                2.0 * way[2],
+            ]
+        )
         way[3:] = np.linalg.solve(powers, np.array([end, np.zeros(3), np.zeros(3)]) - low)
         self._record["way"][0] = way
         self._record["begin"][0], self._record["duration"][0] = begin, length
@@ -172,18 +191,19 @@ class Staying(ClockGait):
 
 
 class Standing(Staying):
-    """Targets of a robot that stands upright on all its feet, where a posture of its joints puts them.
+    """Targets of a robot that stands upright on all its feet, where a posture of its joints puts
+    them.
 
-    The body's target goes from its place to ``shift`` and back, over and over, smoothly and from rest. At any time
-    :meth:`move` sends it elsewhere, such as over one foot (:meth:`over`).
+    The body's target goes from its place to ``shift`` and back, over and over, smoothly and from
+    rest. At any time :meth:`move` sends it elsewhere, such as over one foot (:meth:`over`).
 
     Args:
         robot: any robot with feet, points or flat feet.
         posture: (joints,) angles, rad; by default as :func:`harpy_pin.model.ik.find_posture` says.
         shift: (3,) how far the body goes, world axes, m.
         shift_period: there and back, s.
-        penetration_offset: how much deeper than the ground an unloaded foot aims, m: without it such a foot would come
-            to rest just above the ground and never be held.
+        penetration_offset: how much deeper than the ground an unloaded foot aims, m: without it
+            such a foot would come to rest just above the ground and never be held.
 
     Raises:
         InputError: values out of their domains, no posture given where none is found, or a posture
@@ -204,7 +224,8 @@ class Standing(Staying):
         checks.instance("robot", robot, Robot)
         if not robot.feet:
             raise InputError(
-                f"'{robot.name}' has no foot to stand on: hp.Hovering is for robots that fly", name="robot"
+                f"'{robot.name}' has no foot to stand on: hp.Hovering is for robots that fly",
+                name="robot",
             )
         posture, model = find_posture(robot) if posture is None else posture, robot.model
         q = pin.neutral(model)
@@ -214,22 +235,34 @@ class Standing(Staying):
         pin.framesForwardKinematics(model, data, q)
         feet = np.array([data.oMf[robot.frame_id(name)].translation for name in robot.feet])
         if np.ptp(feet[:, 2]) > LEVEL or feet[:, 2].max() >= 0.0:
-            heights = ", ".join(f"{name} {z:.3f} m" for name, z in zip(robot.feet, feet[:, 2], strict=True))
-            raise InputError(f"this posture's feet are not on one level below the body: {heights}", name="posture")
+            heights = ", ".join(
+                f"{name} {z:.3f} m" for name, z in zip(robot.feet, feet[:, 2], strict=True)
+            )
+            raise InputError(
+                f"this posture's feet are not on one level below the body: {heights}",
+                name="posture",
+            )
         self._centre = np.array(pin.centerOfMass(model, data, q))
         q[2] = -float(feet[:, 2].min())
-        super().__init__(robot, q, feet, shift=shift, shift_period=shift_period, penetration_offset=penetration_offset)
+        super().__init__(
+            robot,
+            q,
+            feet,
+            shift=shift,
+            shift_period=shift_period,
+            penetration_offset=penetration_offset,
+        )
 
     def over(self, *feet: int) -> Vector:
         """Where the body has to move for the centre of mass to be above the middle of some feet.
 
         Args:
-            feet: their numbers, in the order of :attr:`~harpy_pin.model.robot.Robot.corners`: a flat foot counts as
-                one.
+            feet: their numbers, in the order of :attr:`~harpy_pin.model.robot.Robot.corners`: a
+                flat foot counts as one.
 
         Returns:
-            (3,) offset for :meth:`move`, horizontal, m. The legs that stay behind are left out, so the centre of mass
-            does not come all the way.
+            (3,) offset for :meth:`move`, horizontal, m. The legs that stay behind are left out, so
+            the centre of mass does not come all the way.
 
         Raises:
             InputError: no foot, or one that there is not.
@@ -238,7 +271,9 @@ class Standing(Staying):
         for foot in feet:
             checks.whole("foot", foot, low=0)
         if not feet or max(feet) >= len(corners):
-            raise InputError(f"'{self.robot.name}' has feet 0 to {len(corners) - 1}, got {feet}", name="feet")
+            raise InputError(
+                f"'{self.robot.name}' has feet 0 to {len(corners) - 1}, got {feet}", name="feet"
+            )
         starts = np.cumsum((0, *corners))
         points = field(self._record, "feet")
         middles = [points[starts[foot] : starts[foot + 1]].mean(axis=0) for foot in feet]
@@ -250,9 +285,9 @@ class Standing(Staying):
 class Hovering(Staying):
     """Targets of a robot that hovers above the world's origin and faces x.
 
-    The body's target goes from its place to ``shift`` and back, over and over, smoothly and from rest. At any time
-    :meth:`move` sends it elsewhere. It is upright; the whole-body controllers lean a robot that has to
-    (:mod:`harpy_pin.controllers.tasks`).
+    The body's target goes from its place to ``shift`` and back, over and over, smoothly and from
+    rest. At any time :meth:`move` sends it elsewhere. It is upright; the whole-body controllers
+    lean a robot that has to (:mod:`harpy_pin.controllers.tasks`).
 
     Args:
         robot: one without feet.
@@ -278,7 +313,9 @@ class Hovering(Staying):
     ) -> None:
         checks.instance("robot", robot, Robot)
         if robot.feet:
-            raise InputError(f"'{robot.name}' has feet: hp.Standing is for robots that stand", name="robot")
+            raise InputError(
+                f"'{robot.name}' has feet: hp.Standing is for robots that stand", name="robot"
+            )
         if posture is None:
             posture = robot.posture
         q = pin.neutral(robot.model)
@@ -292,17 +329,22 @@ def read_posture(robot: Robot, posture: ArrayLike) -> Vector:
     """(joints,) angles of a posture, rad.
 
     Args:
-        robot: whose posture it is. A joint whose limits leave no range, as where the file names none, is free.
+        robot: whose posture it is. A joint whose limits leave no range, as where the file names
+            none, is free.
         posture: angles in the order of the robot's joints, rad.
 
     Raises:
-        InputError: wrong shape, not finite, or an angle beyond the limits of its joint; the message names them.
+        InputError: wrong shape, not finite, or an angle beyond the limits of its joint; the message
+            names them.
     """
     angles = checks.vector("posture", posture, len(robot.joints))
     lower, upper = robot.joint_lower, robot.joint_upper
     beyond = (lower < upper) & ((angles < lower - ROUNDING) | (angles > upper + ROUNDING))
     for k in np.flatnonzero(beyond):
         limits = f"{lower[k]:g} to {upper[k]:g} rad"
-        message = f"posture: joint '{robot.joints[k]}' is at {angles[k]:g} rad, beyond its limits {limits}"
+        message = (
+            f"posture: joint '{robot.joints[k]}' is at {angles[k]:g} rad, beyond its limits "
+            f"{limits}"
+        )
         raise InputError(message, name="posture", value=posture)
     return angles

@@ -1,11 +1,14 @@
-"""Kernels of the commanded gait: the command's limits, the path of the body, footholds, and the targets.
+"""Kernels of the commanded gait: the command's limits, the path of the body, footholds, and the
+targets.
 
-The path is where the body would be without its sway: a place and a heading ψ. The applied velocity u = (forward,
-sideways, turning) follows the command at bounded accelerations, and the path follows u. The phase φ counts steps, as
-in :mod:`harpy_pin.gaits.straight`; it stands still while the robot stands.
+The path is where the body would be without its sway: a place and a heading ψ. The applied velocity
+u = (forward, sideways, turning) follows the command at bounded accelerations, and the path follows
+u. The phase φ counts steps, as in :mod:`harpy_pin.gaits.straight`; it stands still while the robot
+stands.
 
-A swing foot follows, along each horizontal axis, the cubic that leads from its present place and velocity to its
-foothold, at rest there, in the remaining time. Where the foothold moves, place and velocity go on without a jump.
+A swing foot follows, along each horizontal axis, the cubic that leads from its present place and
+velocity to its foothold, at rest there, in the remaining time. Where the foothold moves, place and
+velocity go on without a jump.
 """
 
 from __future__ import annotations
@@ -61,7 +64,8 @@ def restart(p: CommandedRecord) -> None:
 
 @kernel
 def advance(t: float, p: CommandedRecord, target: GaitTargetRecord) -> bool:
-    """Go on to time t, at or after the last one, before the next row of the script begins, and write the targets.
+    """Go on to time t, at or after the last one, before the next row of the script begins, and
+    write the targets.
 
     Returns:
         Whether t is such a time; nothing is done otherwise.
@@ -97,8 +101,12 @@ def _move(path: Vector, velocity: Vector, step: float) -> None:
 
 
 @kernel
-def _toward(place: float, velocity: float, goal: float, left: float, step: float) -> tuple[float, float]:
-    """Place and velocity after a time on the cubic that ends at rest at the goal when the time left is over."""
+def _toward(
+    place: float, velocity: float, goal: float, left: float, step: float
+) -> tuple[float, float]:
+    """Place and velocity after a time on the cubic that ends at rest at the goal when the time left
+    is over.
+    """
     if step >= left:
         return goal, 0.0
     s, way, glide = step / left, goal - place, velocity * left
@@ -180,7 +188,9 @@ def _follow(p: CommandedRecord, k: int) -> None:
 
 @kernel
 def _plan(p: CommandedRecord, k: int, left: float) -> None:
-    """Foothold of foot k, which lands after the time left: beside the path at the middle of its next stance."""
+    """Foothold of foot k, which lands after the time left: beside the path at the middle of its
+    next stance.
+    """
     step = (left + 0.5 * p.step_duration * (1.0 + p.double_support)) / AHEAD
     path, velocity = np.array(p.path), np.array(p.velocity)
     for _ in range(AHEAD):
@@ -201,7 +211,8 @@ def _plan(p: CommandedRecord, k: int, left: float) -> None:
 def _sway(p: CommandedRecord) -> tuple[float, float, float]:
     """The body's place beside the path, towards its left, with velocity and acceleration.
 
-    A walk begins with no sway, which grows over one step. What is left of it when the walk ends goes in one step, too.
+    A walk begins with no sway, which grows over one step. What is left of it when the walk ends
+    goes in one step, too.
     """
     duration, b = p.step_duration, p.begun
     rate = np.pi / duration
@@ -241,7 +252,11 @@ def _write(p: CommandedRecord, o: GaitTargetRecord) -> None:
 def _write_foot(p: CommandedRecord, k: int, o: GaitTargetRecord) -> None:
     """Targets of foot k, relative to the body's."""
     on_ground, done = _support(p, k)
-    position, velocity, acceleration = o.foot_position[k], o.foot_velocity[k], o.foot_acceleration[k]
+    position, velocity, acceleration = (
+        o.foot_position[k],
+        o.foot_velocity[k],
+        o.foot_acceleration[k],
+    )
     position[:2] = p.foot[k] - o.body[:2]
     velocity[:2] = p.foot_velocity[k] - o.body[3:5]
     acceleration[:2] = -o.body[6:8]
@@ -252,7 +267,13 @@ def _write_foot(p: CommandedRecord, k: int, o: GaitTargetRecord) -> None:
         duration = p.step_duration * (1.0 + p.double_support)
         height = -p.penetration_offset * (1.0 - left**4 - done**4)
         rise = -4.0 * p.penetration_offset * (left**3 - done**3) / duration * p.walking
-        bend = 12.0 * p.penetration_offset * (left * left + done * done) / (duration * duration) * p.walking
+        bend = (
+            12.0
+            * p.penetration_offset
+            * (left * left + done * done)
+            / (duration * duration)
+            * p.walking
+        )
     else:
         duration = p.step_duration * (1.0 - p.double_support)
         height = 16.0 * p.clearance * (done * left) ** 2

@@ -1,8 +1,9 @@
 """A straight walk: phases, double support, and the targets of body and feet.
 
-Step k lasts T. It begins in double support, for a share δ of T; then one foot swings, the right one in even steps. A
-stance foot follows the stance curve for T (1 + δ), a swing foot the swing curve for T (1 − δ), both relative to the
-target of the body, in world axes (the target body is upright and faces x).
+Step k lasts T. It begins in double support, for a share δ of T; then one foot swings, the right one
+in even steps. A stance foot follows the stance curve for T (1 + δ), a swing foot the swing curve
+for T (1 − δ), both relative to the target of the body, in world axes (the target body is upright
+and faces x).
 """
 
 from __future__ import annotations
@@ -16,7 +17,14 @@ import pinocchio as pin
 
 from harpy_pin import checks
 from harpy_pin.errors import InputError, OutOfReachError
-from harpy_pin.gaits.gait import CHANGE_OVER, LONGEST, ClockGait, GaitTarget, GaitTargetRecord, two_legs
+from harpy_pin.gaits.gait import (
+    CHANGE_OVER,
+    LONGEST,
+    ClockGait,
+    GaitTarget,
+    GaitTargetRecord,
+    two_legs,
+)
 from harpy_pin.kernels import kernel
 from harpy_pin.model.kinematics import leg_inverse_kinematics, leg_jacobian
 from harpy_pin.model.memory import fixed_arrays
@@ -25,7 +33,9 @@ from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
 
 TUNED_OFFSET, TUNED_STIFFNESS, TUNED_MASS = 0.005, 8000.0, 4.02
-"""Penetration offset of the tuned walk, m, the ground's stiffness, N/m, and the robot's mass, kg, that it is for."""
+"""Penetration offset of the tuned walk, m, the ground's stiffness, N/m, and the robot's mass, kg,
+that it is for.
+"""
 MAX_OFFSET = 0.1
 """Largest penetration offset of the default walk, m."""
 TUNED_PARAMETERS: Mapping[str, Any] = {
@@ -38,14 +48,24 @@ TUNED_PARAMETERS: Mapping[str, Any] = {
     "contact_threshold": 1.0,
     "estimate_friction": True,
     "limits": {"friction_share": 0.4},
-    "weights": {"orientation": 0.25, "swing": 12.0, "posture": 1e-6, "arms": 1.0, "thrust": 3.5e-4, "force": 1.9e-5},
+    "weights": {
+        "orientation": 0.25,
+        "swing": 12.0,
+        "posture": 1e-6,
+        "arms": 1.0,
+        "thrust": 3.5e-4,
+        "force": 1.9e-5,
+    },
 }
-"""Settings of whole-body controllers for that walk; ``docs/limitations.md`` says how they were found."""
+"""Settings of whole-body controllers for that walk; ``docs/limitations.md`` says how they were
+found.
+"""
 
 
 @dataclass(frozen=True, kw_only=True)
 class StepParameters:
-    """Rhythm and shape of steps at the paper's rhythm; defaults tuned for little slip (docs/reproduction.md).
+    """Rhythm and shape of steps at the paper's rhythm; defaults tuned for little slip
+    (docs/reproduction.md).
 
     Attributes:
         step_duration: T, one step, s (the paper's 0.75 s; its cycle is 1.5 s).
@@ -54,8 +74,8 @@ class StepParameters:
         width: lateral distance of each foot from the path, m.
         sway: amplitude of the body's lateral motion, period 2 T, towards the stance foot, m.
         clearance: height of the swing foot at mid-swing, m.
-        penetration_offset: how much deeper than the ground a stance foot aims, m: its penetration under the body's
-            weight on that ground (see :func:`make_gait`).
+        penetration_offset: how much deeper than the ground a stance foot aims, m: its penetration
+            under the body's weight on that ground (see :func:`make_gait`).
         release: share of the swing after which a foot's target begins to hold in the world (see
             :attr:`GaitTarget.world_frame_blend`): it must be clear of the ground.
         settle: share of the stance in which it goes back to holding in the body.
@@ -81,7 +101,8 @@ class StepParameters:
 
 @dataclass(frozen=True, kw_only=True)
 class GaitParameters(StepParameters):
-    """A straight walk, by default at the paper's speed; its steps are those of :class:`StepParameters`.
+    """A straight walk, by default at the paper's speed; its steps are those of
+    :class:`StepParameters`.
 
     Attributes:
         speed: along x, m/s; zero is standing on both feet.
@@ -125,7 +146,8 @@ def _walk(t: float, p: StraightRecord, o: GaitTargetRecord) -> bool:
 
 @kernel
 def support(carries: bool, s: float, double_support: float) -> tuple[bool, float]:
-    """Whether a foot is on the ground, and the share of its stance or swing that it has done, at the share s of a step.
+    """Whether a foot is on the ground, and the share of its stance or swing that it has done, at
+    the share s of a step.
 
     It ``carries`` where its stance began with this step; the double support is a share of a step.
     """
@@ -139,7 +161,11 @@ def support(carries: bool, s: float, double_support: float) -> tuple[bool, float
 @kernel
 def world_frame_blend(on_ground: bool, done: float, settle: float, release: float) -> float:
     """Of :class:`GaitTarget`, of a foot that has done a share of its stance or swing."""
-    return max(1.0 - done / settle, 0.0) if on_ground else min(max((done - release) / CHANGE_OVER, 0.0), 1.0)
+    return (
+        max(1.0 - done / settle, 0.0)
+        if on_ground
+        else min(max((done - release) / CHANGE_OVER, 0.0), 1.0)
+    )
 
 
 @kernel
@@ -157,7 +183,11 @@ def _foot(k: int, on_ground: bool, fraction: float, p: StraightRecord, o: GaitTa
     side = 1.0 - 2.0 * k
     curve = p.stance_curve if on_ground else p.swing_curve
     share = 1.0 + p.double_support if on_ground else 1.0 - p.double_support
-    position, velocity, acceleration = o.foot_position[k], o.foot_velocity[k], o.foot_acceleration[k]
+    position, velocity, acceleration = (
+        o.foot_position[k],
+        o.foot_velocity[k],
+        o.foot_acceleration[k],
+    )
     bezier(curve, fraction, p.step_duration * share, position, velocity, acceleration)
     # Relative to the body, which sways; the curves are relative to the path.
     position[1] = side * position[1] - o.body[1]
@@ -169,8 +199,16 @@ def _foot(k: int, on_ground: bool, fraction: float, p: StraightRecord, o: GaitTa
 
 
 @kernel(points=(5, 3), position=(3,), velocity=(3,), acceleration=(3,))
-def bezier(points: Vector, s: float, duration: float, position: Vector, velocity: Vector, acceleration: Vector) -> None:
-    """Point, velocity and acceleration of the Bezier curve of five control points, by de Casteljau's scheme.
+def bezier(
+    points: Vector,
+    s: float,
+    duration: float,
+    position: Vector,
+    velocity: Vector,
+    acceleration: Vector,
+) -> None:
+    """Point, velocity and acceleration of the Bezier curve of five control points, by de
+    Casteljau's scheme.
 
     The curve parameter s goes from 0 to 1 in the ``duration``.
     """
@@ -192,9 +230,10 @@ class StraightGait(ClockGait):
         parameters: the walk.
 
     Attributes:
-        stance_curve: (5, 3) control points of a left stance foot, relative to the path and the body's height, m; the
-            right foot mirrors y.
-        constant: it never changes, so that controllers may copy it (:func:`~harpy_pin.gaits.gait.own_target`).
+        stance_curve: (5, 3) control points of a left stance foot, relative to the path and the
+            body's height, m; the right foot mirrors y.
+        constant: it never changes, so that controllers may copy it
+            (:func:`~harpy_pin.gaits.gait.own_target`).
         swing_curve: (5, 3) control points of a left swing foot, relative to the same, m.
 
     Raises:
@@ -217,8 +256,11 @@ class StraightGait(ClockGait):
         stance_time = p.step_duration * (1.0 + p.double_support)
         swing_time = p.step_duration * (1.0 - p.double_support)
         front = 0.5 * p.speed * stance_time
-        self.stance_curve[:, 0] = np.linspace(front, -front, 5)  # at walking speed: at rest on the ground
-        # In swing: lift off and land at rest on the ground (P1, P3), no vertical speed at either end.
+        self.stance_curve[:, 0] = np.linspace(
+            front, -front, 5
+        )  # at walking speed: at rest on the ground
+        # In swing: lift off and land at rest on the ground (P1, P3), no vertical speed at either
+        # end.
         glide = 0.25 * p.speed * swing_time
         self.swing_curve[:, 0] = (-front, -front - glide, 0.0, front + glide, front)
         self.swing_curve[2, 2] = p.clearance * 8.0 / 3.0
@@ -270,18 +312,26 @@ class StraightGait(ClockGait):
                 try:
                     angles = leg_inverse_kinematics(geometry, target.foot_position[k])
                 except OutOfReachError as error:
-                    raise InputError(f"this gait is out of the robot's reach: {error}", name="gait") from error
+                    raise InputError(
+                        f"this gait is out of the robot's reach: {error}", name="gait"
+                    ) from error
                 outside = (angles < lower[3 * k : 3 * k + 3]) | (angles > upper[3 * k : 3 * k + 3])
                 if np.any(outside):
                     joint = self.robot.joints[3 * k + int(np.argmax(outside))]
-                    raise InputError(f"this gait exceeds the limits of joint '{joint}' at t = {t:.2f} s", name="gait")
+                    raise InputError(
+                        f"this gait exceeds the limits of joint '{joint}' at t = {t:.2f} s",
+                        name="gait",
+                    )
 
 
-def make_gait(robot: Robot, *, speed: float = 0.3, stiffness: float = TUNED_STIFFNESS) -> StraightGait:
+def make_gait(
+    robot: Robot, *, speed: float = 0.3, stiffness: float = TUNED_STIFFNESS
+) -> StraightGait:
     """The default walk of a robot.
 
-    On a ground of stiffness k a stance foot aims deeper than the surface by 1.014 m g / k, the depth to which one foot
-    sinks under the robot's weight. The factor is that of the tuned 5 mm for 4.02 kg on 8 kN/m.
+    On a ground of stiffness k a stance foot aims deeper than the surface by 1.014 m g / k, the
+    depth to which one foot sinks under the robot's weight. The factor is that of the tuned 5 mm for
+    4.02 kg on 8 kN/m.
 
     Args:
         robot: a biped of Harpy's kind.
@@ -289,13 +339,19 @@ def make_gait(robot: Robot, *, speed: float = 0.3, stiffness: float = TUNED_STIF
         stiffness: of the ground that the walk is for, N/m.
 
     Raises:
-        InputError: a value out of its domain, or a ground so soft that the feet cannot reach so deep.
+        InputError: a value out of its domain, or a ground so soft that the feet cannot reach so
+            deep.
     """
-    return StraightGait(robot, GaitParameters(speed=speed, penetration_offset=penetration_offset_on(robot, stiffness)))
+    return StraightGait(
+        robot,
+        GaitParameters(speed=speed, penetration_offset=penetration_offset_on(robot, stiffness)),
+    )
 
 
 def penetration_offset_on(robot: Robot, stiffness: float) -> float:
-    """How much deeper than the surface a stance foot of the default walk aims, m; see :func:`make_gait`."""
+    """How much deeper than the surface a stance foot of the default walk aims, m; see
+    :func:`make_gait`.
+    """
     checks.instance("robot", robot, Robot)
     stiffness = checks.number("stiffness of the ground", stiffness, low=0.0, strict=True)
     offset = TUNED_OFFSET * (TUNED_STIFFNESS / stiffness) * (robot.mass / TUNED_MASS)
@@ -307,10 +363,12 @@ def penetration_offset_on(robot: Robot, stiffness: float) -> float:
 
 
 def tuned_parameters(robot: Robot) -> dict[str, Any]:
-    """Settings of whole-body controllers for Harpy's walks: :data:`TUNED_PARAMETERS`, by the robot's mass.
+    """Settings of whole-body controllers for Harpy's walks: :data:`TUNED_PARAMETERS`, by the
+    robot's mass.
 
     Args:
-        robot: a biped of Harpy's kind. Forces scale with its mass, weights on squared forces with 1/mass².
+        robot: a biped of Harpy's kind. Forces scale with its mass, weights on squared forces with
+            1/mass².
     """
     ratio = robot.mass / TUNED_MASS
     parameters = {**TUNED_PARAMETERS, "weights": {**TUNED_PARAMETERS["weights"]}}

@@ -1,10 +1,11 @@
 """The ground around feet and body, and a gait's targets laid over it: the arithmetic of
 :class:`~harpy_pin.gaits.on_terrain.OnTerrain`.
 
-The flat world of a gait goes over into the true one by heights alone: of a foot by that of the ground below it, of the
-body by that of the plane which fits the ground around it best. So a foot that is as high as the ground in the one world
-is so in the other, and the body stays as high above its support. Feet keep away from edges, because the friction cone
-about the normal of a riser holds nothing.
+The flat world of a gait goes over into the true one by heights alone: of a foot by that of the
+ground below it, of the body by that of the plane which fits the ground around it best. So a foot
+that is as high as the ground in the one world is so in the other, and the body stays as high above
+its support. Feet keep away from edges, because the friction cone about the normal of a riser holds
+nothing.
 """
 
 from __future__ import annotations
@@ -37,7 +38,9 @@ STEEP = 1.0
 MARGIN = 0.025
 """Distance that a foothold keeps from such ground, along x and y, m."""
 FARTHEST, PLACES = 0.152, 38
-"""How far a foothold is moved at most in each of eight directions, m, and how many places are looked at."""
+"""How far a foothold is moved at most in each of eight directions, m, and how many places are
+looked at.
+"""
 
 
 class OnTerrainRecord(RecordOf):
@@ -51,9 +54,15 @@ class OnTerrainRecord(RecordOf):
     offset: Vector = sized(3)  # how far the body is from where the gait has it, world axes, m
     time: float = 0.0  # of the last update, s
     swing_time: float = 0.0  # duration of a swing, s; zero where it is not known where feet land
-    landing: Vector = sized("feet", 2)  # where the swing of each foot ends: ahead of the body, and beside the path, m
-    aside: Vector = sized("feet", 2)  # how far from the gait's place each foot stands, or was lifted, m
-    next_aside: Vector = sized("feet", 2)  # how far from it the place is where a swing foot will land, m
+    landing: Vector = sized(
+        "feet", 2
+    )  # where the swing of each foot ends: ahead of the body, and beside the path, m
+    aside: Vector = sized(
+        "feet", 2
+    )  # how far from the gait's place each foot stands, or was lifted, m
+    next_aside: Vector = sized(
+        "feet", 2
+    )  # how far from it the place is where a swing foot will land, m
     moving: Vector = sized("feet")  # 1 for a swing foot
 
 
@@ -61,8 +70,8 @@ class OnTerrainRecord(RecordOf):
 def fit_plane(t: TerrainRecord, x: float, y: float, reach: float) -> tuple[float, float, float]:
     """Height at (x, y) of the plane nearest to the ground around it, and its rise along x and y.
 
-    That ground is the square to ``reach`` on each side. The plane goes on steadily where the place does, over the edge
-    of a step, too.
+    That ground is the square to ``reach`` on each side. The plane goes on steadily where the place
+    does, over the edge of a step, too.
     """
     if t.level:
         return 0.0, 0.0, 0.0
@@ -108,7 +117,9 @@ def _fit_grid(t: TerrainRecord, x: float, y: float, reach: float) -> tuple[float
 
 @kernel
 def way_over(t: TerrainRecord, x: float, y: float) -> tuple[float, float, float]:
-    """Height, and rise along x and y, of the lowest way over the ground that is nowhere steeper than ``STEEPEST``."""
+    """Height, and rise along x and y, of the lowest way over the ground that is nowhere steeper
+    than ``STEEPEST``.
+    """
     height = surface_height(t, x, y)
     along, across = surface_slope(t, x, y)
     along, across = min(max(along, -STEEPEST), STEEPEST), min(max(across, -STEEPEST), STEEPEST)
@@ -130,7 +141,9 @@ def way_over(t: TerrainRecord, x: float, y: float) -> tuple[float, float, float]
 
 @kernel
 def _over_profile(t: TerrainRecord, x: float) -> tuple[float, float]:
-    """How much higher than the profile that way is, and its rise along x: cones stand on the corners of the profile."""
+    """How much higher than the profile that way is, and its rise along x: cones stand on the
+    corners of the profile.
+    """
     best, slope = 0.0, 0.0
     for i in range(t.pieces):
         way = t.profile[i, 0] - x
@@ -142,8 +155,11 @@ def _over_profile(t: TerrainRecord, x: float) -> tuple[float, float]:
 
 
 @kernel
-def nearest_steppable(t: TerrainRecord, x: float, y: float, before_x: float, before_y: float) -> tuple[float, float]:
-    """The place (x, y), or the best one around it where a foot can be set, near to (before_x, before_y), too.
+def nearest_steppable(
+    t: TerrainRecord, x: float, y: float, before_x: float, before_y: float
+) -> tuple[float, float]:
+    """The place (x, y), or the best one around it where a foot can be set, near to (before_x,
+    before_y), too.
 
     Where there is none it is the place itself.
     """
@@ -176,7 +192,8 @@ def steppable(t: TerrainRecord, x: float, y: float) -> bool:
 def lay_over(t: float, p: OnTerrainRecord, g: GaitTargetRecord, o: GaitTargetRecord) -> None:
     """Targets ``o`` on the terrain from those of flat ground, ``g``, at the time t.
 
-    At time zero, and where the clock has gone back by more than a swing, every foot is where the gait says.
+    At time zero, and where the clock has gone back by more than a swing, every foot is where the
+    gait says.
     """
     if t <= 0.0 or t < p.time - p.swing_time:
         p.aside[:] = 0.0
@@ -227,7 +244,9 @@ def _lay_foot(p: OnTerrainRecord, g: GaitTargetRecord, o: GaitTargetRecord, k: i
 
 @kernel
 def _beside_edges(p: OnTerrainRecord, g: GaitTargetRecord, k: int, o: GaitTargetRecord) -> None:
-    """Move the target of foot k of ``o``, a copy of those on flat ground in ``g``, along the ground off edges."""
+    """Move the target of foot k of ``o``, a copy of those on flat ground in ``g``, along the ground
+    off edges.
+    """
     if p.swing_time == 0.0:
         return
     if g.stance[k] != 0.0:

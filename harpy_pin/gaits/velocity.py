@@ -1,4 +1,6 @@
-"""The velocity that a walk follows: numbers that may change at any time, rows of a script, or a function of time."""
+"""The velocity that a walk follows: numbers that may change at any time, rows of a script, or a
+function of time.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +25,9 @@ MAX_COMMAND = 1e6
 """Largest entry of a command: far beyond what is clipped, and far from numbers that overflow."""
 
 Velocity = ArrayLike | Sequence[ArrayLike] | Callable[[float], ArrayLike]
-"""(forward, to the left, turning[, height]); rows with a time before these; or a function from the time to these."""
+"""(forward, to the left, turning[, height]); rows with a time before these; or a function from the
+time to these.
+"""
 Script = tuple[tuple[float, Vector], ...]
 """Rows (t, command), each valid from its time, s, on."""
 ROUNDING = 1e-9
@@ -33,13 +37,17 @@ WRAPPERS = ("harpy_pin.arguments", "harpy_pin.model.memory", "harpy_pin.gaits")
 
 
 class VelocityRecord(RecordOf):
-    """The velocity that a gait follows, (forward, to the left, turning[, height]), in m/s, rad/s and m."""
+    """The velocity that a gait follows, (forward, to the left, turning[, height]), in m/s, rad/s
+    and m.
+    """
 
     radius: float  # distance of the farthest foot's place from the middle, m
     max_speed: float  # largest velocity of a foot's place, m/s
     max_aside: float  # largest velocity sideways, m/s
     max_turn: float  # largest turning velocity, rad/s
-    max_bend: float  # largest product of velocity and turning velocity, m/s²: by which the velocity changes in a turn
+    # largest product of velocity and turning velocity, m/s²: by which the velocity changes in a
+    # turn
+    max_bend: float
     command: Vector = sized("entries")  # given
     last_command: Vector = sized("entries")  # the last one that is all numbers
     goal: Vector = sized("entries")  # the command within the limits
@@ -63,7 +71,9 @@ class FollowsVelocity(KeepsViews):
     limited_by = ""
 
     def _follow(self, velocity: Velocity) -> None:
-        """Take what is to be followed; warn, in one line, of the first command beyond the limits of the record."""
+        """Take what is to be followed; warn, in one line, of the first command beyond the limits of
+        the record.
+        """
         self._given: Vector = field(self._record_, "command")
         self._given[:], self.script, self._function = read_velocity(velocity, len(self._given))
         self.command = self._given if self._function is None else read_only(self._given)
@@ -71,9 +81,17 @@ class FollowsVelocity(KeepsViews):
         for command in (self._given, *(command for _, command in self.script)):
             share = share_in_limits(self._record_, command)
             if share < 1.0 - ROUNDING:
-                given, limited = ("({:.3g}, {:.3g}, {:.3g})".format(*(f * command[:3])) for f in (1.0, share))
-                message = f"velocity {given} is more than the robot walks: limited to {limited} (m/s, m/s, rad/s)"
-                if self.limited_by and foot_speed(self._record_, command) > self._record_["max_speed"][0]:
+                given, limited = (
+                    "({:.3g}, {:.3g}, {:.3g})".format(*(f * command[:3])) for f in (1.0, share)
+                )
+                message = (
+                    f"velocity {given} is more than the robot walks: limited to {limited} "
+                    f"(m/s, m/s, rad/s)"
+                )
+                if (
+                    self.limited_by
+                    and foot_speed(self._record_, command) > self._record_["max_speed"][0]
+                ):
                     message += f" by {self.limited_by}"
                 warn_maker(message)
                 break
@@ -102,7 +120,9 @@ class FollowsVelocity(KeepsViews):
         self._record_["switch"] = self.script[self._row][0] if self._row < len(self.script) else inf
 
     def _ask_function(self, t: float) -> None:
-        """Command what the function says, if there is one; an entry that is not finite is later refused and counted."""
+        """Command what the function says, if there is one; an entry that is not finite is later
+        refused and counted.
+        """
         if self._function is None:
             return
         given = self._function(t)
@@ -112,8 +132,15 @@ class FollowsVelocity(KeepsViews):
                 array = array.astype(np.float64)
         except (TypeError, ValueError, OverflowError):
             array = np.empty(0)
-        if array.dtype.kind not in "fiu" or array.ndim != 1 or not 3 <= len(array) <= len(self._given):
-            message = f"the function of the velocity must return (forward, sideways, turning), got {given!r:.60}"
+        if (
+            array.dtype.kind not in "fiu"
+            or array.ndim != 1
+            or not 3 <= len(array) <= len(self._given)
+        ):
+            message = (
+                f"the function of the velocity must return (forward, sideways, turning), got "
+                f"{given!r:.60}"
+            )
             raise InputError(message, name="velocity", value=given)
         self._given[: len(array)] = array
         self._given[len(array) :] = 0.0
@@ -134,7 +161,9 @@ def is_sequence(value: object) -> bool:
     return isinstance(value, Sequence) and not isinstance(value, str | bytes)
 
 
-def read_velocity(velocity: Velocity, entries: int) -> tuple[Vector, Script, Callable[[float], ArrayLike] | None]:
+def read_velocity(
+    velocity: Velocity, entries: int
+) -> tuple[Vector, Script, Callable[[float], ArrayLike] | None]:
     """What is given, in three forms.
 
     Args:
@@ -142,16 +171,19 @@ def read_velocity(velocity: Velocity, entries: int) -> tuple[Vector, Script, Cal
         entries: of a command: 3, or 4 with the change of the height, m, which may be left out.
 
     Returns:
-        The command at first, zero where rows or a function follow; the rows of a script; the function.
+        The command at first, zero where rows or a function follow; the rows of a script; the
+        function.
 
     Raises:
-        InputError: it is none of the three, a number is not finite or beyond 1e6, or the times of the rows do not grow
-            from zero or later.
+        InputError: it is none of the three, a number is not finite or beyond 1e6, or the times of
+            the rows do not grow from zero or later.
     """
     if callable(velocity):
         return np.zeros(entries), (), velocity
     if not is_sequence(velocity):
-        raise InputError(f"velocity must be numbers, rows or a function, got {shown(velocity)}", name="velocity")
+        raise InputError(
+            f"velocity must be numbers, rows or a function, got {shown(velocity)}", name="velocity"
+        )
     rows: Any = velocity
     if not len(rows) or not (is_sequence(rows[0]) or isinstance(rows[0], Mapping)):
         return _as_command(rows, entries), (), None
@@ -159,10 +191,16 @@ def read_velocity(velocity: Velocity, entries: int) -> tuple[Vector, Script, Cal
     for row in rows:
         if not is_sequence(row) or not 4 <= len(row) <= 1 + entries:
             form = "(t, forward, sideways, turning" + (", height)" if entries == 4 else ")")
-            raise InputError(f"a row of the velocity must be {form}, got {shown(row)}", name="velocity", value=row)
+            raise InputError(
+                f"a row of the velocity must be {form}, got {shown(row)}",
+                name="velocity",
+                value=row,
+            )
         t = checks.number("time of a row of the velocity", row[0], low=0.0)
         if script and t <= script[-1][0]:
-            raise InputError(f"the times of the velocity's rows must grow, got {t:g} s", name="velocity", value=t)
+            raise InputError(
+                f"the times of the velocity's rows must grow, got {t:g} s", name="velocity", value=t
+            )
         script.append((t, _as_command(row[1:], entries)))
     return np.zeros(entries), tuple(script), None
 
@@ -180,7 +218,9 @@ def _as_command(value: ArrayLike, entries: int) -> Vector:
 
 @kernel
 def take_command(p: VelocityRecord) -> None:
-    """The command as the goal of the velocity, scaled down as a whole to what the legs can do and may do."""
+    """The command as the goal of the velocity, scaled down as a whole to what the legs can do and
+    may do.
+    """
     if np.isfinite(np.sum(p.command)):
         p.last_command[:] = p.command
     else:

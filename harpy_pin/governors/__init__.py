@@ -1,4 +1,6 @@
-"""Reference governors: they bend a reference so that constraints hold, without solving an optimisation."""
+"""Reference governors: they bend a reference so that constraints hold, without solving an
+optimisation.
+"""
 
 from harpy_pin.governors.contact_force_filter import ContactForceFilter
 from harpy_pin.governors.contact_force_parameters import ContactForceFilterParameters

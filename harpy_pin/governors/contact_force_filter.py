@@ -1,20 +1,23 @@
 """A filter behind any controller that keeps the contact forces in their friction cones.
 
-The reduced-order model has one force along one leg, and a reference can scale it but not turn it (equations.md §2). The
-full model has the force on every foot, affine in thrusts and torques (:mod:`harpy_pin.model.contact_map`). Here each
-foot's force is put back into Coulomb's cone in closed form, and the command gets the change that brings it there,
+The reduced-order model has one force along one leg, and a reference can scale it but not turn it
+(equations.md §2). The full model has the force on every foot, affine in thrusts and torques
+(:mod:`harpy_pin.model.contact_map`). Here each foot's force is put back into Coulomb's cone in
+closed form, and the command gets the change that brings it there,
 
-    minimise    ‖W_a δa‖² + ‖W_y δy‖²      δa = M⁻¹ (X + J_fᵀ A) δy: the change of motion of body and swing feet
-    subject to  A δy = f* − f
+    minimise    ‖W_a δa‖² + ‖W_y δy‖²      δa = M⁻¹ (X + J_fᵀ A) δy: the change of motion of body
+    and swing feet subject to  A δy = f* − f
 
-with f* the force of each foot with its tangential part shortened into the cone, and its normal part as the weight
-demands. The torque part of δy is a change K_p⁻¹ δτ of the joint targets, the thrust part one of the body's reference.
-There is no active set and no iteration: three Cholesky factors. A command that satisfies the cones is not changed.
+with f* the force of each foot with its tangential part shortened into the cone, and its normal part
+as the weight demands. The torque part of δy is a change K_p⁻¹ δτ of the joint targets, the thrust
+part one of the body's reference. There is no active set and no iteration: three Cholesky factors. A
+command that satisfies the cones is not changed.
 
-For feet that stick, with the whole change applied, the force on each foot is f*, to rounding: inside the cone tightened
-by the margins. So no foot slides while the error of the predicted force (measured in ``docs/governors.md``) and the
-share of the change that still lags stay below the margins. The change is bounded: where it exceeds the authority it is
-shortened as a whole, and the violation left is in the status.
+For feet that stick, with the whole change applied, the force on each foot is f*, to rounding:
+inside the cone tightened by the margins. So no foot slides while the error of the predicted force
+(measured in ``docs/governors.md``) and the share of the change that still lags stay below the
+margins. The change is bounded: where it exceeds the authority it is shortened as a whole, and the
+violation left is in the status.
 """
 
 from __future__ import annotations
@@ -27,7 +30,12 @@ import numpy as np
 from harpy_pin import checks
 from harpy_pin.arguments import checked
 from harpy_pin.errors import InputError
-from harpy_pin.governors.contact_force_kernels import BAD_STATE, MISFIT_SIZES, ContactForceFilterRecord, filter_forces
+from harpy_pin.governors.contact_force_kernels import (
+    BAD_STATE,
+    MISFIT_SIZES,
+    ContactForceFilterRecord,
+    filter_forces,
+)
 from harpy_pin.governors.contact_force_parameters import ContactForceFilterParameters
 from harpy_pin.governors.governor import GovernorStatus
 from harpy_pin.model.contact_map import contact_terms
@@ -41,10 +49,11 @@ from harpy_pin.model.state import Command, State, Vector
 
 @fixed_arrays("bend", "force", "friction", "normal", "record", "terms")
 class ContactForceFilter(KeepsViews):
-    """Holds the contact force of every foot in its friction cone by changing the command of any controller.
+    """Holds the contact force of every foot in its friction cone by changing the command of any
+    controller.
 
-    Where q, v, the foot forces or the command are not all finite numbers, the last change is held for
-    :data:`~harpy_pin.model.entry.HOLD_TICKS` ticks and then fades out; the status is
+    Where q, v, the foot forces or the command are not all finite numbers, the last change is held
+    for :data:`~harpy_pin.model.entry.HOLD_TICKS` ticks and then fades out; the status is
     ``infeasible`` and counts them. Bad samples change nothing else.
 
     Args:
@@ -55,14 +64,16 @@ class ContactForceFilter(KeepsViews):
 
     Attributes:
         dynamics: terms of the last update.
-        status: of the last update; its rows are, per foot, the friction margin μ f_z − |f_t| and f_z, both in N, at
-            the command as given (``h_r``) and as bent (``h_w``), +inf for a foot in the air; ``rate`` is δy.
+        status: of the last update; its rows are, per foot, the friction margin μ f_z − |f_t| and
+            f_z, both in N, at the command as given (``h_r``) and as bent (``h_w``), +inf for a foot
+            in the air; ``rate`` is δy.
         bend: (3 thrusters + joints,) δy = [δu; δτ] of the last update, N and N·m.
-        force: (feet, 3) force that sticking demands under the bent command, world axes, N; zero in the air.
-        friction: (feet,) friction coefficient of each foot: that of the parameters, to be overwritten between updates
-            where more is known.
-        normal: (feet, 3) normals of the ground at the feet, upwards, of length one: vertical, to be overwritten between
-            updates where the ground is not level.
+        force: (feet, 3) force that sticking demands under the bent command, world axes, N; zero in
+            the air.
+        friction: (feet,) friction coefficient of each foot: that of the parameters, to be
+            overwritten between updates where more is known.
+        normal: (feet, 3) normals of the ground at the feet, upwards, of length one: vertical, to be
+            overwritten between updates where the ground is not level.
         terms: what the contact-force map works in.
         record: what the kernel of an update reads and works in.
     """
@@ -73,14 +84,22 @@ class ContactForceFilter(KeepsViews):
 
     @checked
     def __init__(
-        self, robot: Robot, parameters: ContactForceFilterParameters | None = None, *, period: float = 1e-3
+        self,
+        robot: Robot,
+        parameters: ContactForceFilterParameters | None = None,
+        *,
+        period: float = 1e-3,
     ) -> None:
         self.robot = robot
-        self.parameters = parameters if parameters is not None else ContactForceFilterParameters.for_robot(robot)
+        self.parameters = (
+            parameters if parameters is not None else ContactForceFilterParameters.for_robot(robot)
+        )
         self.period = checks.number("period", period, low=0.0, strict=True)
         self.dynamics = Dynamics(robot)
         if robot.rotors:
-            raise InputError("the contact-force filter changes free thrusters, not rotors", name="robot")
+            raise InputError(
+                "the contact-force filter changes free thrusters, not rotors", name="robot"
+            )
         feet, p = len(robot.feet), self.parameters
         self.terms = contact_terms(robot)
         self.record = make_record(
@@ -95,12 +114,20 @@ class ContactForceFilter(KeepsViews):
         self.force: Vector = field(self._record_, "force")
         self.friction: Vector = field(self._record_, "friction")
         self.normal: Vector = field(self._record_, "normal")
-        names = tuple(f"{row} {foot}" for foot in robot.feet for row in ("friction", "normal force"))
+        names = tuple(
+            f"{row} {foot}" for foot in robot.feet for row in ("friction", "normal force")
+        )
         h_r, h_w = field(self._record_, "h_r"), field(self._record_, "h_w")
         self.status = GovernorStatus(names, h_r, h_w, self.bend, self._record_)
-        q, v, torque = np.zeros(robot.model.nq), np.zeros(robot.model.nv), np.zeros(len(robot.joints))
+        q, v, torque = (
+            np.zeros(robot.model.nq),
+            np.zeros(robot.model.nv),
+            np.zeros(len(robot.joints)),
+        )
         thrust = np.zeros((len(robot.thrusters), 3))
-        filter_forces.prepare(self.dynamics._record_, self.terms, self._record_, q, v, self.force, torque, thrust)
+        filter_forces.prepare(
+            self.dynamics._record_, self.terms, self._record_, q, v, self.force, torque, thrust
+        )
 
     def reset(self) -> None:
         """Forget the bend, and the bad samples."""
@@ -111,15 +138,17 @@ class ContactForceFilter(KeepsViews):
         """Bend a command, in place.
 
         Args:
-            state: measured; a foot whose measured normal force exceeds the threshold is taken to touch.
+            state: measured; a foot whose measured normal force exceeds the threshold is taken to
+                touch.
             command: of any controller.
 
         Returns:
-            The command itself; where its arrays are not float64, and so cannot hold the bend, a copy.
+            The command itself; where its arrays are not float64, and so cannot hold the bend, a
+            copy.
 
         Raises:
-            InputError: an array of the state or of the command has the wrong shape, or no numbers; or the command has
-                a motors' law.
+            InputError: an array of the state or of the command has the wrong shape, or no numbers;
+                or the command has a motors' law.
         """
         dynamics = self.dynamics
         refuse_law(command)

@@ -9,15 +9,30 @@ from harpy_pin.governors.governor import StatusRecord
 from harpy_pin.ground.contact_frame import all_upward, contact_frame, is_level, turn_feet
 from harpy_pin.kernels import kernel
 from harpy_pin.model.cholesky import factorise, solve_factor, solve_transposed, solve_vector
-from harpy_pin.model.contact_map import ContactMapRecord, contact_gain, sticking_force, unconstrained_drive
+from harpy_pin.model.contact_map import (
+    ContactMapRecord,
+    contact_gain,
+    sticking_force,
+    unconstrained_drive,
+)
 from harpy_pin.model.dynamics import DynamicsRecord
-from harpy_pin.model.entry import FADE, GOOD, HOLD_TICKS, MISFIT, all_finite, all_possible, all_possible_rows
+from harpy_pin.model.entry import (
+    FADE,
+    GOOD,
+    HOLD_TICKS,
+    MISFIT,
+    all_finite,
+    all_possible,
+    all_possible_rows,
+)
 from harpy_pin.model.record import ZERO, sized
 from harpy_pin.model.state import Vector
 from harpy_pin.model.terms import update_terms
 
 BAD_STATE, MISFIT_SIZES = -2.0, -3.0
-"""What :func:`filter_forces` says of a state, and of arrays that do not fit; −1 is of forces and commands."""
+"""What :func:`filter_forces` says of a state, and of arrays that do not fit; −1 is of forces and
+commands.
+"""
 
 
 class ContactForceFilterRecord(StatusRecord, ContactForceFilterParameters):
@@ -25,26 +40,38 @@ class ContactForceFilterRecord(StatusRecord, ContactForceFilterParameters):
 
     bad_in_a_row: int = ZERO  # how many of the last states or commands were bad
     bend_share: float  # share of the way to the target bend in one update
-    friction: Vector  # (feet,) friction coefficient of each foot: that of the parameters, until it is overwritten
-    normal: Vector  # (feet, 3) normals of the ground at the feet, upwards, of length one: vertical until overwritten
-    frame: Vector = sized("feet", 3, 3)  # (feet, 3, 3) of the contacts where the ground is not level
-    bend: Vector = sized("thrusts + joints")  # (3 thrusters + joints,) δy = [δu; δτ] of the last update, N and N·m
+    # (feet,) friction coefficient of each foot: that of the parameters, until it is overwritten
+    friction: Vector
+    # (feet, 3) normals of the ground at the feet, upwards, of length one: vertical until
+    # overwritten
+    normal: Vector
+    frame: Vector = sized(
+        "feet", 3, 3
+    )  # (feet, 3, 3) of the contacts where the ground is not level
+    bend: Vector = sized(
+        "thrusts + joints"
+    )  # (3 thrusters + joints,) δy = [δu; δτ] of the last update, N and N·m
     # (feet, 3) force that sticking demands under the bent command, world axes, N; zero in the air
     force: Vector = sized("feet", 3)
     h_r: Vector = sized("2 feet")  # (2 feet,) rows at the command as given, N
     h_w: Vector = sized("2 feet")  # (2 feet,) rows at the command as bent, N
     target: Vector = sized("thrusts + joints")  # (n_y,) the bend that the lag follows
-    desired: Vector = sized("3 feet")  # (3 feet,) change of the force on the feet that touch, packed to the front, N
+    desired: Vector = sized(
+        "3 feet"
+    )  # (3 feet,) change of the force on the feet that touch, packed to the front, N
     # (n_y, 3 feet) L⁻ᵀ Aᵀ with the gain A and the factor L of the Hessian
     lift: Vector = sized("thrusts + joints", "3 feet")
     # (n_y, n_y) of the cost of a bend; then its factor L
     hessian: Vector = sized("thrusts + joints", "thrusts + joints")
-    schur: Vector = sized("3 feet", "3 feet")  # (3 feet, 3 feet) matrix of the multipliers' equations
+    schur: Vector = sized(
+        "3 feet", "3 feet"
+    )  # (3 feet, 3 feet) matrix of the multipliers' equations
 
 
 @kernel
 def friction_limit(mu: float, share: float, margin: float, normal: float) -> float:
-    """Largest tangential force in the tightened cone, N: share μ f_z − margin, and at least a fifth of μ f_z.
+    """Largest tangential force in the tightened cone, N: share μ f_z − margin, and at least a fifth
+    of μ f_z.
 
     So the cone has an inside where the normal force is small, too.
     """
@@ -52,8 +79,12 @@ def friction_limit(mu: float, share: float, margin: float, normal: float) -> flo
 
 
 @kernel
-def into_cone(force: Vector, mu: float, share: float, margin: float, least: float, out: Vector) -> None:
-    """The force with its normal part at least ``least`` and its tangential part shortened into the tightened cone."""
+def into_cone(
+    force: Vector, mu: float, share: float, margin: float, least: float, out: Vector
+) -> None:
+    """The force with its normal part at least ``least`` and its tangential part shortened into the
+    tightened cone.
+    """
     normal = max(force[2], least)
     limit = friction_limit(mu, share, margin, normal)
     tangential = np.sqrt(force[:2] @ force[:2])
@@ -80,8 +111,8 @@ def hold_forces(
     """One tick, see :meth:`harpy_pin.governors.ContactForceFilter.update`, on arrays that fit.
 
     Returns:
-        The violation left at the changed command, N; −1, with nothing done, where a number is not finite, or beyond
-        ``MAX_SAMPLE``.
+        The violation left at the changed command, N; −1, with nothing done, where a number is not
+        finite, or beyond ``MAX_SAMPLE``.
     """
     if not (all_possible(torque) and all_possible_rows(thrust) and all_possible_rows(foot_force)):
         return -1.0
@@ -138,13 +169,17 @@ def answer_terms(
 ) -> float:
     """:func:`hold_forces`; after a bad state or command the last change, which fades.
 
-    ``verdict`` is what :func:`~harpy_pin.model.terms.update_terms` said of the state; torques and thrusts are changed
-    in place. Returns the violation left, N; ``BAD_STATE`` for a state that no robot can have, −1 for such forces or a
-    command, and ``MISFIT_SIZES``, with nothing done, where an array does not fit.
+    ``verdict`` is what :func:`~harpy_pin.model.terms.update_terms` said of the state; torques and
+    thrusts are changed in place. Returns the violation left, N; ``BAD_STATE`` for a state that no
+    robot can have, −1 for such forces or a command, and ``MISFIT_SIZES``, with nothing done, where
+    an array does not fit.
     """
     if verdict == MISFIT or foot_force.shape != g.force.shape:
         return MISFIT_SIZES
-    if thrust.shape != (d.thruster_jacobian.shape[0] // 3, 3) or torque.shape[0] + thrust.size != g.bend.shape[0]:
+    if (
+        thrust.shape != (d.thruster_jacobian.shape[0] // 3, 3)
+        or torque.shape[0] + thrust.size != g.bend.shape[0]
+    ):
         return MISFIT_SIZES
     excess = BAD_STATE
     if verdict == GOOD:
@@ -173,7 +208,9 @@ def demand(
     torque: Vector,
     thrust: Vector,
 ) -> int:
-    """Force that sticking demands of the feet that touch, at the command as given; returns its directions."""
+    """Force that sticking demands of the feet that touch, at the command as given; returns its
+    directions.
+    """
     g.h_r[:] = g.h_w[:] = np.inf
     g.force[:] = 0.0
     count = 0
@@ -189,8 +226,12 @@ def demand(
 
 
 @kernel
-def _missing(d: DynamicsRecord, w: ContactMapRecord, g: ContactForceFilterRecord, count: int) -> float:
-    """Change ``desired`` that brings each force into its cone; returns the sum of its magnitudes, N."""
+def _missing(
+    d: DynamicsRecord, w: ContactMapRecord, g: ContactForceFilterRecord, count: int
+) -> float:
+    """Change ``desired`` that brings each force into its cone; returns the sum of its magnitudes,
+    N.
+    """
     for c in range(0, count, 3):
         k = w.rows[c] // 3
         force, desired = w.force[c : c + 3], g.desired[c : c + 3]
@@ -203,8 +244,12 @@ def _missing(d: DynamicsRecord, w: ContactMapRecord, g: ContactForceFilterRecord
 
 
 @kernel
-def _lift_change(d: DynamicsRecord, w: ContactMapRecord, g: ContactForceFilterRecord, count: int) -> None:
-    """δy = H⁻¹ Aᵀ (A H⁻¹ Aᵀ)⁻¹ δf with H = Rᵀ W_a R + W_y, R the response of body and swing feet."""
+def _lift_change(
+    d: DynamicsRecord, w: ContactMapRecord, g: ContactForceFilterRecord, count: int
+) -> None:
+    """δy = H⁻¹ Aᵀ (A H⁻¹ Aᵀ)⁻¹ δf with H = Rᵀ W_a R + W_y, R the response of body and swing
+    feet.
+    """
     hessian, lift, response = g.hessian, g.lift[:, :count], w.response
     ny, nt = hessian.shape[0], d.thruster_jacobian.shape[0]
     hessian[:] = 0.0
@@ -240,8 +285,15 @@ def _within_authority(d: DynamicsRecord, g: ContactForceFilterRecord) -> None:
 
 
 @kernel
-def _bend(d: DynamicsRecord, w: ContactMapRecord, g: ContactForceFilterRecord, torque: Vector, thrust: Vector) -> None:
-    """Move the bend towards its target, add it to the command, and leave its generalised force in ``w.drive``.
+def _bend(
+    d: DynamicsRecord,
+    w: ContactMapRecord,
+    g: ContactForceFilterRecord,
+    torque: Vector,
+    thrust: Vector,
+) -> None:
+    """Move the bend towards its target, add it to the command, and leave its generalised force in
+    ``w.drive``.
 
     The lag bounds the rate with which a contact switch changes the command.
     """

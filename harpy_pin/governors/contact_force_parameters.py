@@ -18,13 +18,15 @@ TUNED_LEG = 0.7000000000000001
 class ContactForceFilterParameters:
     """Settings of :class:`~harpy_pin.governors.ContactForceFilter`; the defaults are Harpy's.
 
-    For another robot :meth:`for_robot` scales them. The weights were found by a random search over slip on walks at
-    friction 0.2, 0.15 and 0.1, without pushes (``docs/limitations.md``); its script was not kept.
+    For another robot :meth:`for_robot` scales them. The weights were found by a random search over
+    slip on walks at friction 0.2, 0.15 and 0.1, without pushes (``docs/limitations.md``); its
+    script was not kept.
 
     Attributes:
         mu: friction coefficient μ_s of the ground.
         friction_share: share of μ that is used; 1 − share is the known relative error of μ.
-        margin: N kept between the tangential force and the cone, for the error of the predicted force.
+        margin: N kept between the tangential force and the cone, for the error of the predicted
+            force.
         min_normal_force: least normal force of a foot that touches, N.
         contact_threshold: measured normal force that counts as touching, N.
         contact_damping: κ, rate at which a touching foot is taken to come to rest, 1/s.
@@ -34,11 +36,14 @@ class ContactForceFilterParameters:
         thrust: weight on the change of each thrust, 1/N².
         torque: weight on the change of each torque, 1/(N·m)².
         thrust_authority: largest change of any component of a thrust, N.
-        torque_authority: largest change of a torque, N·m; of a joint target with stiffness K_p, this over K_p.
-        lag: time constant with which the change follows its target, s; zero for none. It bounds the rate of the change
-            by twice the authority over the lag, so that a contact switch does not make the command jump.
-        sliding_speed: speed of a foot from which on its force is corrected less, m/s; not at all from twice this speed
-            on. No force inside the cone makes a sliding foot stick, and attempts make the walk worse.
+        torque_authority: largest change of a torque, N·m; of a joint target with stiffness K_p,
+            this over K_p.
+        lag: time constant with which the change follows its target, s; zero for none. It bounds the
+            rate of the change by twice the authority over the lag, so that a contact switch does
+            not make the command jump.
+        sliding_speed: speed of a foot from which on its force is corrected less, m/s; not at all
+            from twice this speed on. No force inside the cone makes a sliding foot stick, and
+            attempts make the walk worse.
     """
 
     mu: float = 0.25
@@ -61,12 +66,26 @@ class ContactForceFilterParameters:
         checks.number("mu", self.mu, low=0.0)
         checks.number("friction_share", self.friction_share, low=0.0, high=1.0, strict=True)
         checks.numbers(
-            self, "margin", "min_normal_force", "contact_threshold", "contact_damping", "swing", "lag", low=0.0
+            self,
+            "margin",
+            "min_normal_force",
+            "contact_threshold",
+            "contact_damping",
+            "swing",
+            "lag",
+            low=0.0,
         )
         checks.gains("linear", self.linear)
         checks.gains("angular", self.angular)
         checks.numbers(
-            self, "thrust", "torque", "thrust_authority", "torque_authority", "sliding_speed", low=0.0, strict=True
+            self,
+            "thrust",
+            "torque",
+            "thrust_authority",
+            "torque_authority",
+            "sliding_speed",
+            low=0.0,
+            strict=True,
         )
 
     @classmethod
@@ -74,14 +93,18 @@ class ContactForceFilterParameters:
     def for_robot(cls, robot: Robot, *, mu: float = 0.25) -> ContactForceFilterParameters:
         """Settings for a robot: Harpy's, scaled with its mass m and the length l of its legs.
 
-        Forces scale with m, torques with m l, the weights on their squares with one over the square of that, and those
-        on squared angular accelerations with l².
+        Forces scale with m, torques with m l, the weights on their squares with one over the square
+        of that, and those on squared angular accelerations with l².
 
         Args:
             robot: any; where it has no legs, only its mass counts.
             mu: friction coefficient μ_s of the ground.
         """
-        plain, mass, leg = cls(mu=mu), robot.mass / TUNED_MASS, (leg_length(robot) or TUNED_LEG) / TUNED_LEG
+        plain, mass, leg = (
+            cls(mu=mu),
+            robot.mass / TUNED_MASS,
+            (leg_length(robot) or TUNED_LEG) / TUNED_LEG,
+        )
         x, y, z = plain.angular
         return replace(
             plain,
@@ -110,8 +133,9 @@ class ContactForceFilterParameters:
     ) -> ContactForceFilterParameters:
         """Settings tightened for known bounds on errors, in newtons.
 
-        The force on a foot differs from the predicted one by at most δ = e_f + ε_m F + T Ḟ. Friction then holds if
-        |f_t| + δ ≤ (1 − ε_μ) μ (f_z − δ), which is the cone with share 1 − ε_μ and margin (1 + (1 − ε_μ) μ) δ.
+        The force on a foot differs from the predicted one by at most δ = e_f + ε_m F + T Ḟ.
+        Friction then holds if |f_t| + δ ≤ (1 − ε_μ) μ (f_z − δ), which is the cone with share 1 −
+        ε_μ and margin (1 + (1 − ε_μ) μ) δ.
 
         Args:
             mu: nominal μ_s.
@@ -128,7 +152,9 @@ class ContactForceFilterParameters:
         share = 1.0 - checks.number("friction_error", friction_error, low=0.0, high=0.999)
         error = (
             checks.number("force_error", force_error, low=0.0)
-            + checks.number("mass_error", mass_error, low=0.0) * checks.number("load", load, low=0.0)
-            + checks.number("delay", delay, low=0.0) * checks.number("force_rate", force_rate, low=0.0)
+            + checks.number("mass_error", mass_error, low=0.0)
+            * checks.number("load", load, low=0.0)
+            + checks.number("delay", delay, low=0.0)
+            * checks.number("force_rate", force_rate, low=0.0)
         )
         return cls(mu=mu, friction_share=share, margin=(1.0 + share * mu) * error)

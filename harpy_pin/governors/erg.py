@@ -1,7 +1,7 @@
 """The paper's explicit reference governor, Algorithm 1, faithful to the print.
 
-Its known weaknesses (equations.md §2, W1–W9) are part of it: it chatters by construction, cannot move when x_w = x_r,
-and ignores how fast the constraints drift. It is here to be measured.
+Its known weaknesses (equations.md §2, W1–W9) are part of it: it chatters by construction, cannot
+move when x_w = x_r, and ignores how fast the constraints drift. It is here to be measured.
 """
 
 from __future__ import annotations
@@ -15,7 +15,13 @@ from harpy_pin import checks
 from harpy_pin.arguments import checked
 from harpy_pin.errors import InputError
 from harpy_pin.governors.governor import GovernorStatus, StatusRecord, check_update
-from harpy_pin.governors.rows import ConstraintRows, ForceRows, ForceRowsRecord, force_rows, own_rows
+from harpy_pin.governors.rows import (
+    ConstraintRows,
+    ForceRows,
+    ForceRowsRecord,
+    force_rows,
+    own_rows,
+)
 from harpy_pin.kernels import ByPrecision, kernel
 from harpy_pin.model.entry import all_possible
 from harpy_pin.model.memory import KeepsViews, fixed_arrays
@@ -27,7 +33,9 @@ FEASIBLE, INFEASIBLE, STUCK, BAD, MISFIT = 0, 1, 2, 3, 4
 STUCK_AFTER = 0.1
 """Time of repair without a break after which the governor counts as stuck, s."""
 NO_WAY = 1e-6
-"""Change of the worst row on the way to the target, relative to its violation, that counts as no direction."""
+"""Change of the worst row on the way to the target, relative to its violation, that counts as no
+direction.
+"""
 FARTHEST = 0.5
 """Change of the reference (m, m/s) beyond which a user's row is not repaired."""
 INSIDE = 1e-4
@@ -42,14 +50,16 @@ INDEPENDENT = ByPrecision(1e-9, single=1e-5)
 class ExplicitReferenceGovernor(KeepsViews):
     """Explicit reference governor of the paper (Algorithm 1; equations.md E8).
 
-    While both references violate a row, only the repair of the worst row moves x_w, and the target moves away; after
-    0.1 s of it ``status.stuck`` is set. Where the repair has no direction, because both references agree in the row
-    (W2), v_t moves x_w instead: it follows the target and leaves the violated rows as they are.
+    While both references violate a row, only the repair of the worst row moves x_w, and the target
+    moves away; after 0.1 s of it ``status.stuck`` is set. Where the repair has no direction,
+    because both references agree in the row (W2), v_t moves x_w instead: it follows the target and
+    leaves the violated rows as they are.
 
-    This is Algorithm 1 as printed, for the paper's own rows. A user's row never stops x_w: while it is the worst, x_w
-    takes the shortest change that satisfies it, at the rate α_n, and v_t follows the target in all other directions. A
-    row that no change of up to 0.5 (m, m/s) satisfies is not repaired: x_w follows the target as without the row, and
-    ``status.infeasible`` and ``status.stuck`` are set.
+    This is Algorithm 1 as printed, for the paper's own rows. A user's row never stops x_w: while it
+    is the worst, x_w takes the shortest change that satisfies it, at the rate α_n, and v_t follows
+    the target in all other directions. A row that no change of up to 0.5 (m, m/s) satisfies is not
+    repaired: x_w follows the target as without the row, and ``status.infeasible`` and
+    ``status.stuck`` are set.
 
     Args:
         rows: the constraints.
@@ -57,8 +67,9 @@ class ExplicitReferenceGovernor(KeepsViews):
         alpha_t: rate along the null space of the violated rows, 1/s (3D run: 15).
         alpha_n: rate of the repair along the worst row, 1/s (3D run: 20).
         size: length of the reference w.
-        conditions: ``algorithm`` follows Algorithm 1; ``equation`` the equations, which differ from it: v_t also acts
-            where x_w alone violates, and v_n compares the worst rows of both and is not normalised.
+        conditions: ``algorithm`` follows Algorithm 1; ``equation`` the equations, which differ from
+            it: v_t also acts where x_w alone violates, and v_n compares the worst rows of both and
+            is not normalised.
 
     Raises:
         InputError: a rate is negative or not finite, or ``conditions`` is unknown.
@@ -141,7 +152,11 @@ class ExplicitReferenceGovernor(KeepsViews):
             broken = _first_broken(h, jacobian)
             if broken >= 0:
                 row = self.rows.names[broken]
-                raise InputError(f"row '{row}' of the governor is no number at {w.tolist()}", name=row, value=h.copy())
+                raise InputError(
+                    f"row '{row}' of the governor is no number at {w.tolist()}",
+                    name=row,
+                    value=h.copy(),
+                )
 
 
 class ErgRecord(StatusRecord):
@@ -159,12 +174,16 @@ class ErgRecord(StatusRecord):
     applied: Vector = sized("size")  # (size,) x_w
     rate: Vector = sized("size")  # (size,) ẋ_w out
     repairing: float = 0.0  # for how long both references have violated a row without a break, s
-    basis: Vector = sized("rows", "size")  # (rows, size) work space: an orthonormal basis of the violated rows
+    basis: Vector = sized(
+        "rows", "size"
+    )  # (rows, size) work space: an orthonormal basis of the violated rows
 
 
 @kernel
 def _argument_verdict(x: Vector, x_r: Vector, dt: float, p: ErgRecord) -> int:
-    """What the arguments are; the status counts a bad sample, and the reference stays where it is."""
+    """What the arguments are; the status counts a bad sample, and the reference stays where it
+    is.
+    """
     if x.shape != (9,) or x_r.shape != p.rate.shape or not 0.0 <= dt < np.inf:
         return MISFIT
     if all_possible(x) and all_possible(x_r):
@@ -186,7 +205,9 @@ def _first_broken(h: Vector, jacobian: Vector) -> int:
 
 @kernel
 def governed_update(x: Vector, x_r: Vector, dt: float, p: ErgRecord, rows: ForceRowsRecord) -> int:
-    """One tick with the force rows, see :meth:`ExplicitReferenceGovernor.update`; what it came to."""
+    """One tick with the force rows, see :meth:`ExplicitReferenceGovernor.update`; what it came
+    to.
+    """
     verdict = _argument_verdict(x, x_r, dt, p)
     if verdict != FEASIBLE:
         return verdict
@@ -231,7 +252,8 @@ def explicit_update(x_r: Vector, x_w: Vector, dt: float, p: ErgRecord) -> bool:
         p.rate += p.alpha_r * (x_r - x_w)
     # v_t: the part of the way that leaves the violated rows unchanged.
     tangential = (min_w >= 0.0 or min_r < 0.0) if p.literal else (min_w >= 0.0 and min_r < 0.0)
-    # v_n: repair along the worst row when both references violate; v_t instead, or as well, where it has no direction.
+    # v_n: repair along the worst row when both references violate; v_t instead, or as well, where
+    # it has no direction.
     infeasible: bool = min_w < 0.0 and min_r < 0.0
     if infeasible and p.own[worst]:
         tangential = _add_shortest(dt, p, worst)
@@ -281,7 +303,9 @@ def _add_tangential(x_r: Vector, x_w: Vector, p: ErgRecord) -> None:
 
 @kernel
 def _add_normal(x_r: Vector, x_w: Vector, p: ErgRecord, worst: int, towards: bool) -> bool:
-    """v_n along the worst row, towards the target or away from it; returns whether that is a direction at all."""
+    """v_n along the worst row, towards the target or away from it; returns whether that is a
+    direction at all.
+    """
     row = p.jacobian_r[worst]
     squared = row @ row
     dot: float = row @ (x_r - x_w)
@@ -294,12 +318,15 @@ def _add_normal(x_r: Vector, x_w: Vector, p: ErgRecord, worst: int, towards: boo
 
 @kernel
 def _add_shortest(dt: float, p: ErgRecord, worst: int) -> bool:
-    """The shortest way for x_w into its worst row; returns whether there is one, and a short one."""
+    """The shortest way for x_w into its worst row; returns whether there is one, and a short
+    one.
+    """
     row = p.jacobian_w[worst]
     norm = np.sqrt(row @ row)
     if not -p.h_w[worst] <= FARTHEST * norm:
         return False
-    # At the rate of the print, α_n times the distance of the references, and no further than just inside.
+    # At the rate of the print, α_n times the distance of the references, and no further than just
+    # inside.
     distance = -min(p.h_w[worst], p.h_r[worst]) / norm
     speed = min(p.alpha_n * distance, (INSIDE - p.h_w[worst] / norm) / max(dt, 1e-9))
     p.rate += speed * row / norm
@@ -312,14 +339,16 @@ CONDITIONS = ("algorithm", "equation")
 
 @dataclass(frozen=True, kw_only=True)
 class PaperGovernorParameters:
-    """Settings of :class:`~harpy_pin.governors.ExplicitReferenceGovernor` on a walk; by default the paper's 3D run.
+    """Settings of :class:`~harpy_pin.governors.ExplicitReferenceGovernor` on a walk; by default the
+    paper's 3D run.
 
     Attributes:
         alpha_r: rate towards the target where it is allowed, 1/s.
         alpha_t: rate along the null space of the violated rows, 1/s.
         alpha_n: rate of the repair along the worst row, 1/s.
         conditions: ``algorithm`` or ``equation``, which differ (equations.md E8).
-        friction_share: share of the assumed friction coefficient that the rows use; what is left is for errors.
+        friction_share: share of the assumed friction coefficient that the rows use; what is left is
+            for errors.
         min_normal_force: least normal force of the row on it, N.
     """
 

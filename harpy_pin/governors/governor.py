@@ -18,13 +18,16 @@ def check_update(x: Vector, x_r: Vector, size: int, dt: float) -> None:
     """Say what is wrong with the arguments of an ``update``, which may hold NaN, if anything is.
 
     Raises:
-        InputError: wrong shapes, other arrays than of float64, or a time since the last update that is none.
+        InputError: wrong shapes, other arrays than of float64, or a time since the last update that
+            is none.
     """
     checks.number("dt", dt, low=0.0)
     for name, value, shape in (("x", x, (9,)), ("x_r", x_r, (size,))):
         checks.array(name, value, shape)
         if not isinstance(value, np.ndarray) or value.dtype != np.float64:
-            raise InputError(f"{name} must be a float64 array, got {value!r}", name=name, value=value)
+            raise InputError(
+                f"{name} must be a float64 array, got {value!r}", name=name, value=value
+            )
 
 
 class StatusRecord(RecordOf):
@@ -54,16 +57,19 @@ class GovernorStatus(KeepsViews):
         h_r: (rows,) constraints at the target reference; positive is satisfied.
         h_w: (rows,) constraints at the applied reference, before the update.
         rate: (w,) ẋ_w.
-        record: with the fields of a :class:`StatusRecord`, which a governor's kernel writes; by default its own.
+        record: with the fields of a :class:`StatusRecord`, which a governor's kernel writes; by
+            default its own.
 
     Attributes:
-        stuck: the paper's governor has been repairing for so long that its reference does not follow the target, see
-            :class:`harpy_pin.governors.erg.ExplicitReferenceGovernor`.
-        bad_samples: updates with a state or target that was no good sample, since the last reset; see
-            :meth:`Governor.update`.
-        infeasible: no reference satisfies the rows, or (the paper's) both references violate one and it is repairing.
-        least_violation: where it is infeasible, the least violation that could be achieved, N (the paper's: not known);
-            +inf where the sample was bad: the reference then stays where it was.
+        stuck: the paper's governor has been repairing for so long that its reference does not
+            follow the target, see :class:`harpy_pin.governors.erg.ExplicitReferenceGovernor`.
+        bad_samples: updates with a state or target that was no good sample, since the last reset;
+            see :meth:`Governor.update`.
+        infeasible: no reference satisfies the rows, or (the paper's) both references violate one
+            and it is repairing.
+        least_violation: where it is infeasible, the least violation that could be achieved, N (the
+            paper's: not known); +inf where the sample was bad: the reference then stays where it
+            was.
     """
 
     infeasible: bool = _recorded("infeasible", bool)
@@ -72,7 +78,12 @@ class GovernorStatus(KeepsViews):
     least_violation: float = _recorded("least_violation", float)
 
     def __init__(
-        self, names: tuple[str, ...], h_r: Vector, h_w: Vector, rate: Vector, record: Record | None = None
+        self,
+        names: tuple[str, ...],
+        h_r: Vector,
+        h_w: Vector,
+        rate: Vector,
+        record: Record | None = None,
     ) -> None:
         self.names, self.h_r, self.h_w, self.rate = names, h_r, h_w, rate
         self._record = make_record(StatusRecord) if record is None else record
@@ -121,14 +132,15 @@ class Governor(Protocol):
         """Advance x_w by one tick.
 
         Args:
-            x: (9,) measured [c; ċ; u]: position (m) and velocity (m/s) of the body, centre of pressure (m).
+            x: (9,) measured [c; ċ; u]: position (m) and velocity (m/s) of the body, centre of
+                pressure (m).
             x_r: (w,) target reference.
             dt: time since the last update, s.
 
         Returns:
-            x_w, the array :attr:`applied` itself. Where x or x_r are not all finite numbers of at most
-            :data:`~harpy_pin.model.entry.MAX_SAMPLE` it stays as it was, and the status says so: the next good sample
-            is answered as if the bad one had never come.
+            x_w, the array :attr:`applied` itself. Where x or x_r are not all finite numbers of at
+            most :data:`~harpy_pin.model.entry.MAX_SAMPLE` it stays as it was, and the status says
+            so: the next good sample is answered as if the bad one had never come.
 
         Raises:
             InputError: wrong shapes, no numbers at all, or a dt that is negative or not finite.

@@ -1,7 +1,8 @@
 """Reduced-order model: a point mass on a massless leg of variable length (paper, section ROM).
 
-r = c − u runs from the centre of pressure u to the body c; L = |r|, r̂ = r/L; e = c_w − c, ė = ċ_w − ċ. The contact
-force is along the leg, u_g = N r̂ (equations.md E3, E4, §2), and affine in the applied reference w = [c_w; ċ_w].
+r = c − u runs from the centre of pressure u to the body c; L = |r|, r̂ = r/L; e = c_w − c, ė = ċ_w
+− ċ. The contact force is along the leg, u_g = N r̂ (equations.md E3, E4, §2), and affine in the
+applied reference w = [c_w; ċ_w].
 """
 
 from __future__ import annotations
@@ -34,7 +35,9 @@ class PointMassRecord(CentreGainsRecord):
     law: int  # :class:`Law`
 
 
-def model_record(*, mass: float, g: float, gains: CentreGains | None, law: Law) -> Records[PointMassRecord]:
+def model_record(
+    *, mass: float, g: float, gains: CentreGains | None, law: Law
+) -> Records[PointMassRecord]:
     """A new :class:`PointMassRecord`.
 
     Raises:
@@ -50,11 +53,13 @@ def model_record(*, mass: float, g: float, gains: CentreGains | None, law: Law) 
 
 
 @kernel(r=(3,), c=(3,), c_dot=(3,), jacobian=(6,))
-def axial_force(r: Vector, c: Vector, c_dot: Vector, model: PointMassRecord, jacobian: Vector) -> float:
+def axial_force(
+    r: Vector, c: Vector, c_dot: Vector, model: PointMassRecord, jacobian: Vector
+) -> float:
     """Axial contact force as an affine map of the reference, N(w) = J w + d (equations.md §2).
 
-    Projected law: N = m (g r̂_z + k_pr r̂ᵀe + k_dr r̂ᵀė). Full law: N = m g r̂_z − r̂ᵀ(K_pt e + K_dt ė).
-    J goes into ``jacobian``, N/m and N·s/m; d, N, is returned.
+    Projected law: N = m (g r̂_z + k_pr r̂ᵀe + k_dr r̂ᵀė). Full law: N = m g r̂_z − r̂ᵀ(K_pt e +
+    K_dt ė). J goes into ``jacobian``, N/m and N·s/m; d, N, is returned.
     """
     direction = r / np.maximum(np.sqrt(r @ r), 1e-12)  # a body on the foot has none
     if model.law == 0:

@@ -1,7 +1,7 @@
 """Constraint rows h(x, w) ≥ 0 with their Jacobians ∂h/∂w.
 
-Rows are objects of their own: a governor works on any that offer :class:`ConstraintRows`. Those of the paper are
-the friction pyramid and the least normal force of the reduced-order model.
+Rows are objects of their own: a governor works on any that offer :class:`ConstraintRows`. Those of
+the paper are the friction pyramid and the least normal force of the reduced-order model.
 """
 
 from __future__ import annotations
@@ -60,23 +60,27 @@ class ForceRowsRecord(PointMassRecord):
 class ForceRows(KeepsViews):
     """Friction pyramid and least normal force of the reduced-order model's contact force.
 
-    Rows: μ u_gz ∓ u_gx, μ u_gz ∓ u_gy (each |·| split in two), u_gz − u_min. The reference is w = [c_w; ċ_w].
+    Rows: μ u_gz ∓ u_gx, μ u_gz ∓ u_gy (each |·| split in two), u_gz − u_min. The reference is w =
+    [c_w; ċ_w].
 
     Args:
         mass: m, kg.
         mu: friction coefficient μ_s.
-        friction_share: share of μ_s that the rows use; what is left is for errors. The paper uses all of it.
+        friction_share: share of μ_s that the rows use; what is left is for errors. The paper uses
+            all of it.
         min_normal_force: u_min, N.
         gains: gains of the thruster feedback.
         law: which control law closes the loop (see :class:`harpy_pin.governors.point_mass.Law`).
-        evaluate_at: ``measured`` takes h(x, w) at the measured state (R1); ``tracked`` takes h(w, w), the paper's
-            assumption of perfect tracking (R2): the force is m g r̂_z along the leg that the reference implies.
+        evaluate_at: ``measured`` takes h(x, w) at the measured state (R1); ``tracked`` takes h(w,
+            w), the paper's assumption of perfect tracking (R2): the force is m g r̂_z along the leg
+            that the reference implies.
         g: magnitude of gravity, m/s².
 
     Attributes:
-        record: for kernels, the fields of :func:`~harpy_pin.governors.point_mass.model_record`, ``mu``,
-            ``min_normal_force`` (N), and ``tracked`` for that reading.
-        friction: (1,) coefficient of the rows, the share of μ_s, to be overwritten between updates where more is known.
+        record: for kernels, the fields of :func:`~harpy_pin.governors.point_mass.model_record`,
+            ``mu``, ``min_normal_force`` (N), and ``tracked`` for that reading.
+        friction: (1,) coefficient of the rows, the share of μ_s, to be overwritten between updates
+            where more is known.
         friction_share: as given.
 
     Raises:
@@ -86,7 +90,13 @@ class ForceRows(KeepsViews):
     _record_: Records[Any]
 
     of_the_paper: ClassVar[bool] = True
-    names: tuple[str, ...] = ("friction +x", "friction -x", "friction +y", "friction -y", "normal force")
+    names: tuple[str, ...] = (
+        "friction +x",
+        "friction -x",
+        "friction +y",
+        "friction -y",
+        "normal force",
+    )
 
     @checked
     def __init__(
@@ -102,7 +112,9 @@ class ForceRows(KeepsViews):
         g: float = 9.81,
     ) -> None:
         checks.one_of("evaluate_at", evaluate_at, EVALUATE_AT)
-        self.friction_share = checks.number("friction_share", friction_share, low=0.0, high=1.0, strict=True)
+        self.friction_share = checks.number(
+            "friction_share", friction_share, low=0.0, high=1.0, strict=True
+        )
         self.record = make_record(
             ForceRowsRecord,
             mu=self.friction_share * checks.number("mu", mu, low=0.0),
@@ -132,7 +144,9 @@ class StackedRows(KeepsViews):
     def __init__(self, parts: Sequence[ConstraintRows]) -> None:
         self.parts = tuple(parts)
         if not all(hasattr(part, "names") and hasattr(part, "evaluate") for part in self.parts):
-            raise InputError(f"parts must be sets of rows, got {shown(parts)}", name="parts", value=parts)
+            raise InputError(
+                f"parts must be sets of rows, got {shown(parts)}", name="parts", value=parts
+            )
         self.names: tuple[str, ...] = tuple(name for part in self.parts for name in part.names)
 
     def evaluate(self, x: Vector, w: Vector, h: Vector, jacobian: Vector) -> None:
@@ -149,7 +163,9 @@ def own_rows(rows: ConstraintRows) -> list[bool]:
     """For each row, whether it is one of the user's own, none of the paper's."""
     if isinstance(rows, StackedRows):
         return [own for part in rows.parts for own in own_rows(part)]
-    inner = getattr(rows, "rows", None)  # of rows that see those of another through other coordinates
+    inner = getattr(
+        rows, "rows", None
+    )  # of rows that see those of another through other coordinates
     paper = getattr(rows if inner is None else inner, "of_the_paper", False)
     return [not paper] * len(rows.names)
 
@@ -168,12 +184,22 @@ def check_outputs(rows: int, x: Vector, w: Vector, h: Vector, jacobian: Vector) 
 
 def _check_rows(fit: bool) -> None:
     if not fit:
-        raise InputError("rows need x (9,), w (n ≥ 6,), h (rows,) and a Jacobian (rows, n), in float64", name="rows")
+        raise InputError(
+            "rows need x (9,), w (n ≥ 6,), h (rows,) and a Jacobian (rows, n), in float64",
+            name="rows",
+        )
 
 
 @kernel(x=(9,), w=(6,), h=("n",), jacobian=("n", 6))
-def _evaluate_force_rows(x: Vector, w: Vector, record: ForceRowsRecord, h: Vector, jacobian: Vector) -> bool:
-    if not (x.shape == (9,) and w.shape[0] >= 6 and h.shape == (5,) and jacobian.shape == (5, w.shape[0])):
+def _evaluate_force_rows(
+    x: Vector, w: Vector, record: ForceRowsRecord, h: Vector, jacobian: Vector
+) -> bool:
+    if not (
+        x.shape == (9,)
+        and w.shape[0] >= 6
+        and h.shape == (5,)
+        and jacobian.shape == (5, w.shape[0])
+    ):
         return False
     force_rows(x, w, record, h, jacobian)
     return True
@@ -191,23 +217,35 @@ def force_rows(x: Vector, w: Vector, p: ForceRowsRecord, h: Vector, jacobian: Ve
 @kernel
 def _pyramid(mu: float) -> Vector:
     """The rows as a matrix (5, 3): times a force, what is to be positive, but for u_min."""
-    return np.array([[-1.0, 0.0, mu], [1.0, 0.0, mu], [0.0, -1.0, mu], [0.0, 1.0, mu], [0.0, 0.0, 1.0]])
+    return np.array(
+        [[-1.0, 0.0, mu], [1.0, 0.0, mu], [0.0, -1.0, mu], [0.0, 1.0, mu], [0.0, 0.0, 1.0]]
+    )
 
 
 @kernel
-def force_rows_measured(x: Vector, w: Vector, p: ForceRowsRecord, h: Vector, jacobian: Vector) -> None:
-    """Force rows at the measured state: exactly affine in w, all parallel to ∂N/∂w (equations.md R1)."""
+def force_rows_measured(
+    x: Vector, w: Vector, p: ForceRowsRecord, h: Vector, jacobian: Vector
+) -> None:
+    """Force rows at the measured state: exactly affine in w, all parallel to ∂N/∂w (equations.md
+    R1).
+    """
     r, slope = x[:3] - x[6:], np.empty(6)
     offset = axial_force(r, x[:3], x[3:6], p, slope)
-    rows = _pyramid(p.mu) @ (r / np.maximum(np.sqrt(r @ r), 1e-12))  # a body on the foot has no direction
+    rows = _pyramid(p.mu) @ (
+        r / np.maximum(np.sqrt(r @ r), 1e-12)
+    )  # a body on the foot has no direction
     h[:] = rows * (slope @ w[:6] + offset)
     h[4] -= p.min_normal_force
     jacobian[:, :6] = np.outer(rows, slope)
 
 
 @kernel
-def force_rows_tracked(x: Vector, w: Vector, p: ForceRowsRecord, h: Vector, jacobian: Vector) -> None:
-    """Force rows where the state equals the reference: u_g = m g r̂_z r̂ with r = c_w − u (equations.md R2)."""
+def force_rows_tracked(
+    x: Vector, w: Vector, p: ForceRowsRecord, h: Vector, jacobian: Vector
+) -> None:
+    """Force rows where the state equals the reference: u_g = m g r̂_z r̂ with r = c_w − u
+    (equations.md R2).
+    """
     r, upward = w[:3] - x[6:], np.array([0.0, 0.0, 1.0])
     squared = np.maximum(r @ r, 1e-12)  # a reference on the foot has no direction
     scale = p.mass * p.g / squared

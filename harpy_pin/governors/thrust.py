@@ -1,4 +1,6 @@
-"""The paper's thruster feedback: on the body's position, left/right allocation, limits (equations.md E5–E7)."""
+"""The paper's thruster feedback: on the body's position, left/right allocation, limits
+(equations.md E5–E7).
+"""
 
 from __future__ import annotations
 
@@ -67,9 +69,16 @@ class AttitudeGains:
 
 @kernel(r=(3,), c=(3,), c_dot=(3,), reference=(6,), out=(3,))
 def centre_feedback(
-    r: Vector, c: Vector, c_dot: Vector, reference: Vector, law: int, gains: CentreGainsRecord, out: Vector
+    r: Vector,
+    c: Vector,
+    c_dot: Vector,
+    reference: Vector,
+    law: int,
+    gains: CentreGainsRecord,
+    out: Vector,
 ) -> float:
-    """Thrust u_t,c, N, into ``out``, and radial command u_r, m²/s², which is returned (equations.md E5, E6).
+    """Thrust u_t,c, N, into ``out``, and radial command u_r, m²/s², which is returned (equations.md
+    E5, E6).
 
     u_t,c = (I − Y)(K_pt e + K_dt ė) with Y = r̂ r̂ᵀ (projected law) or Y = 0 (full law);
     u_r = rᵀ(k_pr e + k_dr ė), with r = c − u, m, in world axes, and the reference [c_w; ċ_w].
@@ -83,7 +92,8 @@ def centre_feedback(
 
 @kernel(rotation=(3, 3), angular_velocity=(3,), out=(4,))
 def roll_yaw(rotation: Vector, angular_velocity: Vector, out: Vector) -> None:
-    """Roll φ and yaw ψ of the body (z-y-x angles) and their rates into ``out``, [φ, ψ, φ̇, ψ̇], rad and rad/s.
+    """Roll φ and yaw ψ of the body (z-y-x angles) and their rates into ``out``, [φ, ψ, φ̇, ψ̇], rad
+    and rad/s.
 
     The rotation is from the body to the world, the angular velocity in body axes, rad/s.
     """
@@ -96,12 +106,16 @@ def roll_yaw(rotation: Vector, angular_velocity: Vector, out: Vector) -> None:
 
 
 @kernel(centre=(3,), rotation=(3, 3), angles=(4,), out=(2, 3))
-def allocate(centre: Vector, rotation: Vector, angles: Vector, k_p: float, k_d: float, out: Vector) -> None:
-    """Left and right thrust from u_t,c and the roll and yaw feedback (paper, left/right split; equations.md E7).
+def allocate(
+    centre: Vector, rotation: Vector, angles: Vector, k_p: float, k_d: float, out: Vector
+) -> None:
+    """Left and right thrust from u_t,c and the roll and yaw feedback (paper, left/right split;
+    equations.md E7).
 
-    u_t,l = u_t,c/2 + R [u_yaw, 0, u_roll], u_t,r = u_t,c/2 − R [u_yaw, 0, u_roll], with u_roll = −k φ − d φ̇ and
-    u_yaw = k ψ + d ψ̇ for mounts on the left (+y) and right of the body, with the gains k, N/rad, and d, N·s/rad, and
-    the angles of :func:`roll_yaw`. Thrusts are in world axes, N.
+    u_t,l = u_t,c/2 + R [u_yaw, 0, u_roll], u_t,r = u_t,c/2 − R [u_yaw, 0, u_roll], with u_roll = −k
+    φ − d φ̇ and u_yaw = k ψ + d ψ̇ for mounts on the left (+y) and right of the body, with the
+    gains k, N/rad, and d, N·s/rad, and the angles of :func:`roll_yaw`. Thrusts are in world axes,
+    N.
     """
     u_roll = -k_p * angles[0] - k_d * angles[2]
     u_yaw = k_p * angles[1] + k_d * angles[3]
@@ -112,7 +126,9 @@ def allocate(centre: Vector, rotation: Vector, angles: Vector, k_p: float, k_d: 
 
 @kernel(thrust=("n", 3))
 def limit_thrust(thrust: Vector, limit: float) -> bool:
-    """Shorten, in place, each thrust beyond the limit, N; its direction stays. Returns whether any was shortened."""
+    """Shorten, in place, each thrust beyond the limit, N; its direction stays. Returns whether any
+    was shortened.
+    """
     limited = False
     for k in range(thrust.shape[0]):
         norm = np.sqrt(thrust[k] @ thrust[k])

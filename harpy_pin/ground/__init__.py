@@ -1,4 +1,5 @@
-"""The ground below gaits and plants: stiffness, friction, strips, its surface, and the frames of contacts on it.
+"""The ground below gaits and plants: stiffness, friction, strips, its surface, and the frames of
+contacts on it.
 
 The names that ``__init__.pyi`` lists are imported when they are first used.
 """

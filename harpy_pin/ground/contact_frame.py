@@ -1,8 +1,8 @@
 """The frame of a contact: the third axis is the normal of the ground, the others are tangents.
 
-A friction cone is about the normal. With a foot's motion and force in its contact frame, "z" is the normal, and what is
-written for level ground holds on any. The frame is the smallest rotation that turns the vertical into the normal: of
-level ground it is the identity, digit for digit.
+A friction cone is about the normal. With a foot's motion and force in its contact frame, "z" is the
+normal, and what is written for level ground holds on any. The frame is the smallest rotation that
+turns the vertical into the normal: of level ground it is the identity, digit for digit.
 """
 
 from __future__ import annotations
@@ -19,7 +19,9 @@ LENGTH = 1e-6
 
 @kernel(out=(3, 3))
 def contact_frame(x: float, y: float, z: float, out: Vector) -> None:
-    """The frame of the normal (x, y, z), upwards and of length one: the rotation from its axes to the world's."""
+    """The frame of the normal (x, y, z), upwards and of length one: the rotation from its axes to
+    the world's.
+    """
     share = 1.0 / (1.0 + z)
     out[0] = 1.0 - share * x * x, -share * x * y, x
     out[1] = -share * x * y, 1.0 - share * y * y, y
@@ -59,7 +61,9 @@ def to_world(frame: Vector, vector: Vector) -> None:
 
 
 def in_contact_frames(normal: Vector, vectors: Vector) -> Vector:
-    """Vectors (feet, 3) of world axes in the frames of their contacts, by the normals of the ground (feet, 3)."""
+    """Vectors (feet, 3) of world axes in the frames of their contacts, by the normals of the ground
+    (feet, 3).
+    """
     frames = np.zeros((len(normal), 3, 3))
     for (x, y, z), frame in zip(normal.tolist(), frames, strict=True):
         contact_frame(x, y, z, frame)
@@ -69,7 +73,9 @@ def in_contact_frames(normal: Vector, vectors: Vector) -> Vector:
 
 @kernel(frame=("n", 3, 3))
 def turn_feet(d: DynamicsRecord, frame: Vector) -> None:
-    """Feet's positions, velocities, drifts and Jacobians, of world axes, in those of the contacts' frames."""
+    """Feet's positions, velocities, drifts and Jacobians, of world axes, in those of the contacts'
+    frames.
+    """
     for k in range(frame.shape[0]):
         r = frame[k]
         to_contact(r, d.foot_position[k])

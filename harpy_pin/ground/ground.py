@@ -1,11 +1,13 @@
-"""Compliant ground with Stribeck friction (equations.md E1, E2), and where along the way it changes.
+"""Compliant ground with Stribeck friction (equations.md E1, E2), and where along the way it
+changes.
 
-**Normal force**: −k p_z − d ṗ_z where p_z ≤ 0, with d = 0 for ṗ_z > 0, and never below zero (E1). **Friction** at
-rest is any force inside the cone; of a sliding foot it is against the motion, by :func:`stribeck` (E2).
-:func:`harpy_pin.simulation.implicit_contact.contact_step` finds both at the end of a step.
+**Normal force**: −k p_z − d ṗ_z where p_z ≤ 0, with d = 0 for ṗ_z > 0, and never below zero (E1).
+**Friction** at rest is any force inside the cone; of a sliding foot it is against the motion, by
+:func:`stribeck` (E2). :func:`harpy_pin.simulation.implicit_contact.contact_step` finds both at the
+end of a step.
 
-Friction and stiffness may change along x, on strips such as ice or foam. A foot feels those of its place at the
-beginning of a step.
+Friction and stiffness may change along x, on strips such as ice or foam. A foot feels those of its
+place at the beginning of a step.
 """
 
 from __future__ import annotations
@@ -35,11 +37,15 @@ MAX_STRIPS = 16
 _RATIO = 0.9
 """The paper's μ_c / μ_s."""
 _STIFFNESS, _DAMPING = 8000.0, 268.3
-"""Stiffness and damping of the paper's ground, N/m and N·s/m: a damping ratio of 0.71 under 4.5 kg."""
+"""Stiffness and damping of the paper's ground, N/m and N·s/m: a damping ratio of 0.71 under 4.5
+kg.
+"""
 GRAVITY = 9.81
 """m/s²."""
 DEPTH, WALKING_DEPTH = 0.005, 0.002
-"""How deep a robot at rest is in its ground, and how deep one point is that bears a walking robot alone, m."""
+"""How deep a robot at rest is in its ground, and how deep one point is that bears a walking robot
+alone, m.
+"""
 
 
 class Unset(float):
@@ -68,22 +74,26 @@ class Ground:
     """Parameters of the ground, z = 0 where nothing else is said; defaults are equations.md §3.
 
     Attributes:
-        stiffness: normal stiffness k, N/m, at most 1e9; the paper's by default, for Harpy's 4.5 kg, which scenarios of
-            other robots replace by one that fits (:meth:`fitted`).
-        damping: normal damping d while the foot goes down, N·s/m (undamped rebound). When not given, that of the
-            paper's damping ratio: 268.3 √(k / 8000 N/m).
+        stiffness: normal stiffness k, N/m, at most 1e9; the paper's by default, for Harpy's 4.5 kg,
+            which scenarios of other robots replace by one that fits (:meth:`fitted`).
+        damping: normal damping d while the foot goes down, N·s/m (undamped rebound). When not
+            given, that of the paper's damping ratio: 268.3 √(k / 8000 N/m).
         mu_s: static friction coefficient, at most 10; the paper's 0.25 by default.
         mu_c: Coulomb (sliding) friction coefficient; 0.9 mu_s, the paper's ratio, when not given.
         mu_v: viscous friction, N·s/m.
         stribeck_velocity: σ of the transition from mu_s to mu_c, m/s.
-        cone: ``circular`` (Coulomb's disc) or ``per_axis`` (x and y apart: a box, the paper's form).
-        friction_strips: (from x, to x, static coefficient) of strips with another friction, m, in the order of x and
-            apart from each other, at most 16. A strip holds its first x and not its last. Its sliding coefficient has
-            the ground's ratio mu_c / mu_s (0.9 where mu_s is zero).
-        stiffness_strips: (from x, to x, stiffness) of strips with another stiffness, N/m, at most 16; they have the
-            ground's damping ratio.
-        slope: angle by which the ground rises along x, rad, at most 1.2: short for ``terrain=Plane(slope=...)``.
-        terrain: its surface: one of :data:`harpy_pin.ground.terrain.TERRAINS`; flat where there is none.
+        cone: ``circular`` (Coulomb's disc) or ``per_axis`` (x and y apart: a box, the paper's
+            form).
+        friction_strips: (from x, to x, static coefficient) of strips with another friction, m, in
+            the order of x and apart from each other, at most 16. A strip holds its first x and not
+            its last. Its sliding coefficient has the ground's ratio mu_c / mu_s (0.9 where mu_s is
+            zero).
+        stiffness_strips: (from x, to x, stiffness) of strips with another stiffness, N/m, at most
+            16; they have the ground's damping ratio.
+        slope: angle by which the ground rises along x, rad, at most 1.2: short for
+            ``terrain=Plane(slope=...)``.
+        terrain: its surface: one of :data:`harpy_pin.ground.terrain.TERRAINS`; flat where there is
+            none.
     """
 
     stiffness: float = Unset(_STIFFNESS)
@@ -99,24 +109,40 @@ class Ground:
     terrain: Terrain | None = None
 
     def __post_init__(self) -> None:
-        stiffness = checks.number("ground stiffness", self.stiffness, low=0.0, high=MAX_STIFFNESS, strict=True)
-        stiffness, damping = self.stiffness if isinstance(self.stiffness, Unset) else stiffness, self.damping
-        damping = type(stiffness)(_DAMPING * math.sqrt(stiffness / _STIFFNESS)) if damping is None else damping
+        stiffness = checks.number(
+            "ground stiffness", self.stiffness, low=0.0, high=MAX_STIFFNESS, strict=True
+        )
+        stiffness, damping = (
+            self.stiffness if isinstance(self.stiffness, Unset) else stiffness,
+            self.damping,
+        )
+        damping = (
+            type(stiffness)(_DAMPING * math.sqrt(stiffness / _STIFFNESS))
+            if damping is None
+            else damping
+        )
         mu_s = checks.number("friction mu_s", self.mu_s, low=0.0, high=checks.MAX_FRICTION)
         mu_c = _RATIO * mu_s if self.mu_c is None else self.mu_c
         checks.keep(
             self,
             stiffness=stiffness,
-            damping=damping if isinstance(damping, Unset) else checks.number("ground damping", damping, low=0.0),
+            damping=damping
+            if isinstance(damping, Unset)
+            else checks.number("ground damping", damping, low=0.0),
             mu_s=mu_s,
             mu_c=checks.number("friction mu_c", mu_c, low=0.0, high=mu_s),
             mu_v=checks.number("viscous friction mu_v", self.mu_v, low=0.0),
-            stribeck_velocity=checks.number("stribeck_velocity", self.stribeck_velocity, low=0.0, strict=True),
+            stribeck_velocity=checks.number(
+                "stribeck_velocity", self.stribeck_velocity, low=0.0, strict=True
+            ),
         )
         checks.one_of("friction cone", self.cone, CONES)
         checks.keep(self, slope=Plane(slope=self.slope).slope)
         for name, most in (("friction", checks.MAX_FRICTION), ("stiffness", MAX_STIFFNESS)):
-            checks.keep(self, **{f"{name}_strips": _checked_strips(name, getattr(self, f"{name}_strips"), most)})
+            checks.keep(
+                self,
+                **{f"{name}_strips": _checked_strips(name, getattr(self, f"{name}_strips"), most)},
+            )
         if self.terrain is not None:
             checks.keep(self, terrain=read_terrain(self.terrain))
             if self.slope != 0.0:
@@ -129,14 +155,22 @@ class Ground:
 
         Args:
             robot: that stands on it.
-            walks: whether it walks. One that does not, on points, is 5 mm deep in the ground; on soles it would rock.
+            walks: whether it walks. One that does not, on points, is 5 mm deep in the ground; on
+                soles it would rock.
         """
-        if not isinstance(self.stiffness, Unset) or (robot.feet, robot.thrusters) == (HARPY_FEET, HARPY_THRUSTERS):
+        if not isinstance(self.stiffness, Unset) or (robot.feet, robot.thrusters) == (
+            HARPY_FEET,
+            HARPY_THRUSTERS,
+        ):
             return self
         stiffness = robot.mass * GRAVITY / (max(len(robot.feet), 1) * DEPTH)
         if walks or robot.flat_feet:
             stiffness = walking_stiffness(robot)
-        return replace(self, stiffness=stiffness, damping=None if isinstance(self.damping, Unset) else self.damping)
+        return replace(
+            self,
+            stiffness=stiffness,
+            damping=None if isinstance(self.damping, Unset) else self.damping,
+        )
 
     @property
     def surface(self) -> Terrain | None:
@@ -201,7 +235,9 @@ class Ground:
         return _at_places(x, self.stiffness, self.stiffness_strips)
 
 
-def _at_places(x: ArrayLike, usual: float, strips: tuple[tuple[float, float, float], ...]) -> Vector:
+def _at_places(
+    x: ArrayLike, usual: float, strips: tuple[tuple[float, float, float], ...]
+) -> Vector:
     places = np.asarray(x, dtype=np.float64)
     found = np.full(places.shape, usual)
     for begin, end, value in strips:
@@ -224,10 +260,17 @@ def _checked_strips(of: str, strips: Any, most: float) -> tuple[tuple[float, flo
     for strip in strips:
         if not isinstance(strip, list | tuple) or len(strip) != 3:
             raise refuse(f"a strip must be (from x, to x, {of}), got {shown(strip)}", strip)
-        begin, end = checks.number("from of a strip", strip[0]), checks.number("to of a strip", strip[1])
-        value = checks.number(f"{of} of a strip", strip[2], low=0.0, high=most, strict=of == "stiffness")
+        begin, end = (
+            checks.number("from of a strip", strip[0]),
+            checks.number("to of a strip", strip[1]),
+        )
+        value = checks.number(
+            f"{of} of a strip", strip[2], low=0.0, high=most, strict=of == "stiffness"
+        )
         if end <= begin:
-            raise refuse(f"a strip must end behind its beginning, got {begin:g} to {end:g} m", strip)
+            raise refuse(
+                f"a strip must end behind its beginning, got {begin:g} to {end:g} m", strip
+            )
         if checked and begin < checked[-1][1]:
             order = f"{begin:g} m lies before {checked[-1][1]:g} m"
             raise refuse(f"{name} must be in the order of x and apart: {order}", strip)
@@ -247,7 +290,9 @@ def local_friction(x: float, ground: GroundRecord) -> tuple[float, float]:
 
 @kernel
 def local_stiffness(x: float, ground: GroundRecord) -> float:
-    """Stiffness at a place x, m, relative to the ground's, for the element of :attr:`Ground.record`."""
+    """Stiffness at a place x, m, relative to the ground's, for the element of
+    :attr:`Ground.record`.
+    """
     for i in range(ground.soft_strips):
         if ground.soft_strip[i, 0] <= x < ground.soft_strip[i, 1]:
             share: float = ground.soft_strip[i, 2]
@@ -264,7 +309,8 @@ def stribeck(speed: float, normal: float, mu_s: float, mu_c: float, ground: Grou
 
 
 def walking_stiffness(robot: Robot) -> float:
-    """Stiffness of the ground on which a robot walks, N/m: a point that bears all of it is 2 mm deep.
+    """Stiffness of the ground on which a robot walks, N/m: a point that bears all of it is 2 mm
+    deep.
 
     On softer ground soles rock at touchdown, and slip.
 

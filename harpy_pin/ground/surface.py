@@ -1,4 +1,5 @@
-"""The surface of the ground for kernels: one record for all kinds of terrain, its height, and its slope.
+"""The surface of the ground for kernels: one record for all kinds of terrain, its height, and its
+slope.
 
 The height is the sum of a plane, a profile along x, and a grid:
 
@@ -30,16 +31,21 @@ class TerrainRecord(RecordOf):
     slope: Vector  # (2,) rise of the plane per metre along x and y
     above: float  # its height at the origin, m
     pieces: int  # of the profile
-    # (64, 3) where each piece begins, m, its height there, m, and its rise per metre; zero before the first
+    # (64, 3) where each piece begins, m, its height there, m, and its rise per metre; zero before
+    # the first
     profile: Vector
-    cells: Vector  # (3,) points of the grid along x and y, and 0 without a grid, 1 with one, 2 with one that repeats
+    # (3,) points of the grid along x and y, and 0 without a grid, 1 with one, 2 with one that
+    # repeats
+    cells: Vector
     resolution: float  # distance of its points, m
     corner: Vector  # (2,) place of its first point, m
     grid: Vector  # (64, 64) its heights, m
 
 
 def flat_terrain(*, pieces: int = MAX_PIECES, cells: int = MAX_CELLS) -> Records[TerrainRecord]:
-    """The record of the plane z = 0, with room for pieces of a profile, and for points of a grid along each side."""
+    """The record of the plane z = 0, with room for pieces of a profile, and for points of a grid
+    along each side.
+    """
     return make_record(
         TerrainRecord,
         level=np.int64(1),
@@ -55,7 +61,9 @@ def flat_terrain(*, pieces: int = MAX_PIECES, cells: int = MAX_CELLS) -> Records
 
 
 def greatest_rise(terrain: Records[TerrainRecord], way: float) -> float:
-    """Greatest difference of the ground's heights within a way along x, of the grid anywhere, without the plane, m."""
+    """Greatest difference of the ground's heights within a way along x, of the grid anywhere,
+    without the plane, m.
+    """
     pieces, rise = int(terrain["pieces"][0]), 0.0
     if pieces:
         begin, height, slope = terrain["profile"][0, :pieces].T
@@ -63,7 +71,9 @@ def greatest_rise(terrain: Records[TerrainRecord], way: float) -> float:
         last = np.searchsorted(begin, places, side="right") - 1
         heights = np.where(last < 0, 0.0, height[last] + slope[last] * (places - begin[last]))
         near = np.abs(places[:, None] - begin) <= way * (1.0 + 1e-9)
-        rise = float(np.abs(np.where(near, heights[:, None] - heights[pieces : 2 * pieces], 0.0)).max())
+        rise = float(
+            np.abs(np.where(near, heights[:, None] - heights[pieces : 2 * pieces], 0.0)).max()
+        )
     return rise + float(np.ptp(terrain["grid"]))
 
 
@@ -161,7 +171,9 @@ def _inside(t: TerrainRecord, x: float, axis: int) -> bool:
 
 @kernel
 def _first(t: TerrainRecord, u: float, axis: int) -> int:
-    """The point before a place on the grid; the last one has none behind it unless the grid repeats."""
+    """The point before a place on the grid; the last one has none behind it unless the grid
+    repeats.
+    """
     last: int = t.cells[axis] - 1
     if t.cells[2] != REPEATS:
         last -= 1

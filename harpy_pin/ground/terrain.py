@@ -1,4 +1,6 @@
-"""Ground that is not flat: planes, ramps, stairs, rough ground and height fields, by name, in files and for kernels."""
+"""Ground that is not flat: planes, ramps, stairs, rough ground and height fields, by name, in files
+and for kernels.
+"""
 
 from __future__ import annotations
 
@@ -90,7 +92,10 @@ class Terrain(ABC):
 
     def to_dict(self) -> dict[str, Any]:
         """Name and settings, ready for JSON and exact."""
-        return {"name": self.name, **{entry.name: _plain(getattr(self, entry.name)) for entry in fields(self)}}
+        return {
+            "name": self.name,
+            **{entry.name: _plain(getattr(self, entry.name)) for entry in fields(self)},
+        }
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -110,14 +115,24 @@ class Plane(Terrain):
 
     def __post_init__(self) -> None:
         checks.keep(self, slope=checks.number("slope", self.slope, low=-STEEPEST, high=STEEPEST))
-        checks.keep(self, heading=checks.number("heading of the slope", self.heading, low=-10.0, high=10.0))
-        checks.keep(self, above=checks.number("height of the plane at the origin", self.above, low=-1e6, high=1e6))
+        checks.keep(
+            self, heading=checks.number("heading of the slope", self.heading, low=-10.0, high=10.0)
+        )
+        checks.keep(
+            self,
+            above=checks.number(
+                "height of the plane at the origin", self.above, low=-1e6, high=1e6
+            ),
+        )
 
     def _parts(self) -> dict[str, Any]:
         rise = math.tan(self.slope)
         if rise == 0.0 and self.above == 0.0:
             return {}
-        return {"slope": (rise * math.cos(self.heading), rise * math.sin(self.heading)), "above": self.above}
+        return {
+            "slope": (rise * math.cos(self.heading), rise * math.sin(self.heading)),
+            "above": self.above,
+        }
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -138,7 +153,10 @@ class Ramp(Terrain):
     def __post_init__(self) -> None:
         checks.keep(self, slope=checks.number("slope", self.slope, low=-STEEPEST, high=STEEPEST))
         checks.keep(self, start=checks.number("start of the ramp", self.start, low=-1e6, high=1e6))
-        checks.keep(self, length=checks.number("length of the ramp", self.length, low=0.0, high=1e6, strict=True))
+        checks.keep(
+            self,
+            length=checks.number("length of the ramp", self.length, low=0.0, high=1e6, strict=True),
+        )
 
     def _parts(self) -> dict[str, Any]:
         rise = math.tan(self.slope)
@@ -150,8 +168,8 @@ class Ramp(Terrain):
 class Stairs(Terrain):
     """Level ground, then steps along x, then level ground again.
 
-    The riser of a step is a steep ramp of the width ``edge`` before its tread, so that a foot that meets it from the
-    side is pushed back, and not up.
+    The riser of a step is a steep ramp of the width ``edge`` before its tread, so that a foot that
+    meets it from the side is pushed back, and not up.
 
     Attributes:
         rise: height of a step, m; they go down where it is negative.
@@ -170,10 +188,16 @@ class Stairs(Terrain):
 
     def __post_init__(self) -> None:
         checks.keep(self, rise=checks.number("rise of a step", self.rise, low=-1.0, high=1.0))
-        checks.keep(self, depth=checks.number("depth of a step", self.depth, low=0.0, high=1e3, strict=True))
+        checks.keep(
+            self, depth=checks.number("depth of a step", self.depth, low=0.0, high=1e3, strict=True)
+        )
         checks.keep(self, steps=checks.whole("steps", self.steps, low=1, high=MAX_PIECES // 2))
-        checks.keep(self, start=checks.number("start of the stairs", self.start, low=-1e6, high=1e6))
-        checks.keep(self, edge=checks.number("edge of a step", self.edge, low=1e-4, high=0.5 * self.depth))
+        checks.keep(
+            self, start=checks.number("start of the stairs", self.start, low=-1e6, high=1e6)
+        )
+        checks.keep(
+            self, edge=checks.number("edge of a step", self.edge, low=1e-4, high=0.5 * self.depth)
+        )
 
     def _parts(self) -> dict[str, Any]:
         pieces = []
@@ -215,10 +239,16 @@ class HeightField(Terrain):
             heights = np.zeros(0)
         if heights.ndim != 2 or not all(2 <= n <= MAX_CELLS for n in heights.shape):
             got = f"an array of shape {heights.shape}" if heights.ndim == 2 else shown(self.heights)
-            message = f"heights must be 2 to {MAX_CELLS} rows of 2 to {MAX_CELLS} numbers, got {got}"
+            message = (
+                f"heights must be 2 to {MAX_CELLS} rows of 2 to {MAX_CELLS} numbers, got {got}"
+            )
             raise InputError(message, name="heights", value=self.heights)
         if not (np.abs(heights) <= HIGHEST).all():
-            raise InputError(f"heights must be finite and within {HIGHEST:g} m", name="heights", value=self.heights)
+            raise InputError(
+                f"heights must be finite and within {HIGHEST:g} m",
+                name="heights",
+                value=self.heights,
+            )
         checks.keep(self, heights=tuple(tuple(row) for row in heights.tolist()))
         resolution = checks.number("resolution", self.resolution, low=1e-3, high=1e3)
         checks.keep(self, resolution=resolution)
@@ -235,7 +265,8 @@ class HeightField(Terrain):
 
 @dataclass(frozen=True, kw_only=True)
 class Rough(Terrain):
-    """Rough ground: heights drawn evenly from ± ``amplitude`` on a grid of 64 by 64 points that repeats.
+    """Rough ground: heights drawn evenly from ± ``amplitude`` on a grid of 64 by 64 points that
+    repeats.
 
     Attributes:
         amplitude: m.
@@ -250,13 +281,17 @@ class Rough(Terrain):
 
     def __post_init__(self) -> None:
         checks.keep(self, amplitude=checks.number("amplitude", self.amplitude, low=0.0, high=1.0))
-        checks.keep(self, resolution=checks.number("resolution", self.resolution, low=1e-3, high=1e3))
+        checks.keep(
+            self, resolution=checks.number("resolution", self.resolution, low=1e-3, high=1e3)
+        )
         checks.keep(self, seed=checks.whole("seed", self.seed, low=0))
 
     def _parts(self) -> dict[str, Any]:
         if self.amplitude == 0.0:
             return {}
-        draw = np.random.default_rng(self.seed).uniform(-self.amplitude, self.amplitude, (MAX_CELLS, MAX_CELLS))
+        draw = np.random.default_rng(self.seed).uniform(
+            -self.amplitude, self.amplitude, (MAX_CELLS, MAX_CELLS)
+        )
         return _grid(draw, self.resolution, (0.0, 0.0), cells=REPEATS)
 
 
@@ -265,10 +300,17 @@ def _grid(heights: Any, resolution: float, corner: Any, *, cells: int) -> dict[s
     grid = np.zeros((MAX_CELLS, MAX_CELLS))
     rows, columns = heights.shape
     grid[:rows, :columns] = heights
-    return {"cells": (rows, columns, cells), "resolution": resolution, "corner": corner, "grid": grid}
+    return {
+        "cells": (rows, columns, cells),
+        "resolution": resolution,
+        "corner": corner,
+        "grid": grid,
+    }
 
 
-TERRAINS: dict[str, type[Terrain]] = {kind.name: kind for kind in (Plane, Ramp, Stairs, Rough, HeightField)}
+TERRAINS: dict[str, type[Terrain]] = {
+    kind.name: kind for kind in (Plane, Ramp, Stairs, Rough, HeightField)
+}
 """Kinds of terrain by name."""
 
 
@@ -288,7 +330,11 @@ def read_terrain(value: Any) -> Terrain:
         value = {"name": value}
     if not isinstance(value, Mapping):
         kinds = ", ".join(kind.__name__ for kind in TERRAINS.values())
-        raise InputError(f"terrain must be one of {kinds}, or a name, got {shown(value)}", name="terrain", value=value)
+        raise InputError(
+            f"terrain must be one of {kinds}, or a name, got {shown(value)}",
+            name="terrain",
+            value=value,
+        )
     name = value.get("name")
     checks.one_of("terrain", name, TERRAINS)
     kind = TERRAINS[str(name)]
@@ -311,7 +357,9 @@ def _places(x: ArrayLike, y: ArrayLike) -> tuple[Vector, Vector]:
     """Places as arrays of one shape."""
     u, v = np.ascontiguousarray(x, dtype=np.float64), np.ascontiguousarray(y, dtype=np.float64)
     if np.shape(x) != np.shape(y):
-        raise InputError(f"x and y must have one shape, got {np.shape(x)} and {np.shape(y)}", name="y", value=y)
+        raise InputError(
+            f"x and y must have one shape, got {np.shape(x)} and {np.shape(y)}", name="y", value=y
+        )
     return u.reshape(np.shape(x)), v.reshape(np.shape(y))
 
 

@@ -1,8 +1,8 @@
 """Arrays that are computed: NumPy's operators and functions, element by element.
 
-Such an array is no memory but a rule that gives the C of one element. It is written where it is assigned. What reads an
-element several times, such as a product of matrices, puts it into memory first. Sums go from the first term to the
-last; NumPy does not say in which order it goes.
+Such an array is no memory but a rule that gives the C of one element. It is written where it is
+assigned. What reads an element several times, such as a product of matrices, puts it into memory
+first. Sums go from the first term to the last; NumPy does not say in which order it goes.
 """
 
 from __future__ import annotations
@@ -47,16 +47,24 @@ class Arrays(Expressions):
     def part(self, owner: Value, index: ast.expr) -> Value:
         """A part of an array: a view, or elements chosen by one array of indices."""
         parts = list(index.elts) if isinstance(index, ast.Tuple) else [index]
-        chosen = {n: value for n, part in enumerate(parts) if isinstance((value := self._of_part(part)).type, Array)}
+        chosen = {
+            n: value
+            for n, part in enumerate(parts)
+            if isinstance((value := self._of_part(part)).type, Array)
+        }
         if not chosen:
             return self.view(owner, parts)
         ((place, indices),) = chosen.items()
-        whole = self.view(owner, [ast.Slice() if n == place else part for n, part in enumerate(parts)])
+        whole = self.view(
+            owner, [ast.Slice() if n == place else part for n, part in enumerate(parts)]
+        )
         before = sum(isinstance(part, ast.Slice) for part in parts[:place])
         kind = as_array(whole)
         if len(chosen) > 1 or len(as_array(indices).shape) > 1 or _number(indices) is not INTEGER:
             raise Refused("a choice of elements by anything but one vector of integers")
-        if before < place and len(parts) > before + 1 + sum(isinstance(part, ast.Slice) for part in parts[place:]):
+        if before < place and len(parts) > before + 1 + sum(
+            isinstance(part, ast.Slice) for part in parts[place:]
+        ):
             raise Refused("a choice of elements beside an index")
 
         def rule(at: Sequence[Value]) -> Value:
@@ -64,12 +72,25 @@ class Arrays(Expressions):
             return self.element(whole, [*at[:before], n, *at[before + 1 :]])
 
         shape = (*kind.shape[:before], *as_array(indices).shape, *kind.shape[before + 1 :])
-        packed, fields = Array.packed(_number(whole), shape), (f"{path.partition('+')[0]}+" for path in owner.fields)
-        return Value(packed, rule=rule, roots=owner.roots, fields=frozenset(fields), reads=_elsewhere(whole, indices))
+        packed, fields = (
+            Array.packed(_number(whole), shape),
+            (f"{path.partition('+')[0]}+" for path in owner.fields),
+        )
+        return Value(
+            packed,
+            rule=rule,
+            roots=owner.roots,
+            fields=frozenset(fields),
+            reads=_elsewhere(whole, indices),
+        )
 
     def _of_part(self, part: ast.expr) -> Value:
         """An index that may be an array; of a slice anything else."""
-        return self.constant(0) if isinstance(part, ast.Slice | ast.Constant) else self.expression(part)
+        return (
+            self.constant(0)
+            if isinstance(part, ast.Slice | ast.Constant)
+            else self.expression(part)
+        )
 
     def elementwise(self, operation: Callable[..., Value], *values: Value) -> Value:
         """An operation on numbers for each element; a number counts for every element."""
@@ -82,7 +103,9 @@ class Arrays(Expressions):
         parts = list(values) if 0 in shape else [self.operand(value) for value in values]
 
         def rule(indices: Sequence[Value]) -> Value:
-            return operation(*(self.element(part, indices) if part in arrays else part for part in parts))
+            return operation(
+                *(self.element(part, indices) if part in arrays else part for part in parts)
+            )
 
         kind = operation(*(Value(_number(part), "x", volatile=True) for part in parts)).type
         assert isinstance(kind, Scalar)
@@ -100,7 +123,8 @@ class Arrays(Expressions):
     def common_shape(self, a: Shape, b: Shape, *, written: bool = False) -> Shape:
         """The shape of two arrays that must have the same; one row for many is Python's alone.
 
-        Where the first one is ``written``, an axis of one element tells that the other has one, too.
+        Where the first one is ``written``, an axis of one element tells that the other has one,
+        too.
         """
         pairs = list(zip(a, b, strict=False))
         known = [(x, y) for x, y in pairs if isinstance(x, int) and isinstance(y, int)]
@@ -136,7 +160,9 @@ class Arrays(Expressions):
 
     def _where(self, condition: Value, a: Value, b: Value) -> Value:
         choose = super().choice
-        return self.elementwise(lambda c, x, y: choose(self.cast(c, BOOLEAN), x, y), condition, a, b)
+        return self.elementwise(
+            lambda c, x, y: choose(self.cast(c, BOOLEAN), x, y), condition, a, b
+        )
 
     def _product(self, a: Value, b: Value) -> Value:
         """``a @ b`` of vectors and matrices."""
@@ -147,13 +173,17 @@ class Arrays(Expressions):
 
         def rule(indices: Sequence[Value]) -> Value:
             def term(k: Value) -> Value:
-                return self._times(self.element(a, [*indices[:rows], k]), self.element(b, [k, *indices[rows:]]))
+                return self._times(
+                    self.element(a, [*indices[:rows], k]), self.element(b, [k, *indices[rows:]])
+                )
 
             return self._joined(inner, term, self._plus, "0")
 
         if len(left) + len(right) == 2:
             return rule(())
-        return Value(Array.packed(REAL, (*left[:-1], *right[1:])), rule=rule, reads=_elsewhere(a, b))
+        return Value(
+            Array.packed(REAL, (*left[:-1], *right[1:])), rule=rule, reads=_elsewhere(a, b)
+        )
 
     def _factor(self, value: Value, axes: Sequence[int] = (1, 2)) -> Value:
         """A vector or a matrix in memory."""
@@ -168,9 +198,15 @@ class Arrays(Expressions):
         return self.arithmetic(ast.Add(), a, b)
 
     def _joined(
-        self, size: int | str, term: Callable[[Value], Value], join: Callable[[Value, Value], Value], none: str
+        self,
+        size: int | str,
+        term: Callable[[Value], Value],
+        join: Callable[[Value, Value], Value],
+        none: str,
     ) -> Value:
-        """Terms joined to one number, from the first to the last: written out, or by a loop before the statement."""
+        """Terms joined to one number, from the first to the last: written out, or by a loop before
+        the statement.
+        """
         if isinstance(size, int) and 0 < size <= LONG:
             value = term(self.constant(0))
             for k in range(1, size):
@@ -181,7 +217,9 @@ class Arrays(Expressions):
         if self.emitted > before:
             raise Refused("a sum of sums: give the inner one a name first")
         total = Value(first.type, self.fresh("total"), volatile=True)
-        begin = first.code if isinstance(size, int) and size else f"{size} > 0 ? {first.code} : {none}"
+        begin = (
+            first.code if isinstance(size, int) and size else f"{size} > 0 ? {first.code} : {none}"
+        )
         self.emit(f"{first.type} {total.code} = {begin};")
         loop = f"for (integer {index.code} = 1; {index.code} < {size}; {index.code}++)"
         self.emit(f"{loop} {total.code} = {join(total, other).code};")
@@ -192,13 +230,19 @@ class Arrays(Expressions):
         a, b = self._factor(a), self._factor(b)
         left, right = as_array(a).shape, as_array(b).shape
         if left[-1] != 3 or right[-1] != 3:
-            raise Refused("a cross product of other arrays than of three numbers, or of rows of three")
-        shape = self.common_shape(left, right) if len(left) == len(right) else max(left, right, key=len)
+            raise Refused(
+                "a cross product of other arrays than of three numbers, or of rows of three"
+            )
+        shape = (
+            self.common_shape(left, right) if len(left) == len(right) else max(left, right, key=len)
+        )
 
         def rule(indices: Sequence[Value]) -> Value:
             next_, last = (self._turned(indices[-1], n) for n in (1, 2))
             first = self._times(of(a, indices, next_), of(b, indices, last))
-            return self.arithmetic(ast.Sub(), first, self._times(of(a, indices, last), of(b, indices, next_)))
+            return self.arithmetic(
+                ast.Sub(), first, self._times(of(a, indices, last), of(b, indices, next_))
+            )
 
         def of(array: Value, indices: Sequence[Value], n: Value) -> Value:
             return self.element(array, [*indices[: len(as_array(array).shape) - 1], n])
@@ -207,7 +251,9 @@ class Arrays(Expressions):
 
     def _turned(self, index: Value, n: int) -> Value:
         """An index of three, n places on."""
-        return self.arithmetic(ast.Mod(), self.arithmetic(ast.Add(), index, self.constant(n)), self.constant(3))
+        return self.arithmetic(
+            ast.Mod(), self.arithmetic(ast.Add(), index, self.constant(n)), self.constant(3)
+        )
 
     def _outer(self, a: Value, b: Value) -> Value:
         a, b = self._factor(a, (1,)), self._factor(b, (1,))
@@ -224,7 +270,9 @@ class Arrays(Expressions):
         shape = kind.shape[::-1]
         if rule is None:
             return replace(a, type=Array(kind.element, shape, kind.strides[::-1]))
-        return Value(Array.packed(kind.element, shape), rule=lambda n: rule(n[::-1]), reads=_elsewhere(a))
+        return Value(
+            Array.packed(kind.element, shape), rule=lambda n: rule(n[::-1]), reads=_elsewhere(a)
+        )
 
     def array_of(self, items: Value) -> Value:
         """Numbers, or vectors of one length, as an array."""
@@ -248,7 +296,9 @@ class Arrays(Expressions):
 
     def _eye(self, size: Value) -> Value:
         n = size.constant if isinstance(size.constant, int) else size.code
-        return Value(Array.packed(REAL, (n, n)), rule=lambda at: self.real(self.relation(ast.Eq(), *at)))
+        return Value(
+            Array.packed(REAL, (n, n)), rule=lambda at: self.real(self.relation(ast.Eq(), *at))
+        )
 
     def _through(self, join: Callable[[Value, Value], Value], array: Value, none: str) -> Value:
         """All elements of a vector joined to one number."""
@@ -270,7 +320,11 @@ class Arrays(Expressions):
     def extreme_of_two(self, name: str, a: Value, b: Value) -> Value:
         """``np.maximum`` or ``np.minimum``, which pass on what is no number."""
         return self.elementwise(
-            lambda x, y: Value(REAL, f"{self.unit.helper(name)}({self.real(x).code}, {self.real(y).code})"), a, b
+            lambda x, y: Value(
+                REAL, f"{self.unit.helper(name)}({self.real(x).code}, {self.real(y).code})"
+            ),
+            a,
+            b,
         )
 
     def clipped(self, a: Value, low: Value, high: Value) -> Value:
@@ -310,7 +364,9 @@ def as_array(value: Value) -> Array:
 
 
 def read_by(value: Value) -> tuple[tuple[Value, bool], ...]:
-    """Arrays in memory that an array reads, with whether only the element with the same indices is read."""
+    """Arrays in memory that an array reads, with whether only the element with the same indices is
+    read.
+    """
     return value.reads if value.rule is not None else ((value, True),)
 
 

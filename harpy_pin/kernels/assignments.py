@@ -32,7 +32,11 @@ def stored(nodes: Iterable[ast.AST]) -> Iterator[str]:
 
 @cache
 def _stored_in(node: ast.AST) -> list[str]:
-    return [part.id for part in ast.walk(node) if isinstance(part, ast.Name) and isinstance(part.ctx, ast.Store)]
+    return [
+        part.id
+        for part in ast.walk(node)
+        if isinstance(part, ast.Name) and isinstance(part.ctx, ast.Store)
+    ]
 
 
 SIGNS: dict[type[ast.operator], str] = {ast.Mult: "*=", ast.Add: "+=", ast.Sub: "-="}
@@ -90,7 +94,9 @@ class Assignments(Arrays):
 
     def _here(self) -> tuple[tuple[Block, int], ...]:
         """The blocks around the next line, with its position in each."""
-        return tuple((block, len(block.items) - (block is not self.path[-1])) for block in self.path)
+        return tuple(
+            (block, len(block.items) - (block is not self.path[-1])) for block in self.path
+        )
 
     def _writes(self, value: Value) -> None:
         self.function.written |= value.roots
@@ -109,7 +115,9 @@ class Assignments(Arrays):
         return replace(value, code=own, binding=ATOM)
 
     def in_memory(self, array: Value, name: str = "array") -> Value:
-        """An array that is in memory, where it is written before the statement if it is computed."""
+        """An array that is in memory, where it is written before the statement if it is
+        computed.
+        """
         if array.rule is None or array.code:
             return replace(array, rule=None, reads=())
         made = self.space(name, as_array(array).shape)
@@ -130,9 +138,15 @@ class Assignments(Arrays):
         kind = value.type
         if isinstance(kind, Scalar):
             before = self.environment.get(name)
-            if before is not None and before.code in self.numbers and isinstance(before.type, Scalar):
+            if (
+                before is not None
+                and before.code in self.numbers
+                and isinstance(before.type, Scalar)
+            ):
                 if kind.rank > before.type.rank:
-                    raise Refused(f"'{name}', an argument of a narrower type: give the number another name")
+                    raise Refused(
+                        f"'{name}', an argument of a narrower type: give the number another name"
+                    )
                 self._mention(before)
                 self.emit(f"{before.code} = {self.cast(value, before.type).code};")
                 return
@@ -144,7 +158,9 @@ class Assignments(Arrays):
             own = self._variable(name, self.unit.declare(rank, "{}"))
             self._write(own, value.code)
             constant = value.constant if self.stores[name] == 1 else None
-            self.environment[name] = Value(rank, own, constant=constant, volatile=self.stores[name] > 1)
+            self.environment[name] = Value(
+                rank, own, constant=constant, volatile=self.stores[name] > 1
+            )
         elif isinstance(kind, Array) and value.rule is not None:
             self.environment[name] = self.in_memory(value, name)
         elif isinstance(kind, Array | Struct):
@@ -158,17 +174,27 @@ class Assignments(Arrays):
             self.environment[name] = Value(kind, own, roots=roots, fields=fields)
         elif isinstance(kind, Tuple) and kind.uniform is not None:
             own = self._variable(name, f"{kind.uniform} {{}}[{len(kind.items)}]", array=True)
-            items = [item if item.constant is not None else self.keep(f"{own}_item", item) for item in value.items]
+            items = [
+                item if item.constant is not None else self.keep(f"{own}_item", item)
+                for item in value.items
+            ]
             for n, item in enumerate(items):
                 self._mention(Value(kind, own))
                 self.emit(f"{own}[{n}] = {item.code};")
-            same = tuple(Value(kind.uniform, f"{own}[{n}]", volatile=True) for n in range(len(items)))
+            same = tuple(
+                Value(kind.uniform, f"{own}[{n}]", volatile=True) for n in range(len(items))
+            )
             self.environment[name] = Value(kind, own, items=same)
         else:
-            raise Refused(f"'{name}', which is neither a number nor an array, a record, or numbers of one type")
+            raise Refused(
+                f"'{name}', which is neither a number nor an array, a record, or numbers of one "
+                f"type"
+            )
 
     def _all_memory(self, own: str, value: Value) -> tuple[frozenset[str], frozenset[str]]:
-        """The arguments, and the fields of records, that a variable may stand for anywhere in the function."""
+        """The arguments, and the fields of records, that a variable may stand for anywhere in the
+        function.
+        """
         roots, fields = self.learnt.memory.setdefault(own, (value.roots, value.fields))
         wider = fields | value.fields if fields and value.fields else frozenset[str]()
         if value.roots <= roots and wider == fields:
@@ -183,19 +209,34 @@ class Assignments(Arrays):
         for n, size in enumerate((*kind.shape, *kind.strides)):
             if isinstance(size, str) and size not in kept and not self._lasting(size):
                 known = {word for word in kept if mentions(size, word)}
-                code = size if not known else " * ".join(kept.get(word, word) for word in size.split(" * "))
+                code = (
+                    size
+                    if not known
+                    else " * ".join(kept.get(word, word) for word in size.split(" * "))
+                )
                 kept[size] = self.fresh(f"{own}_size{n or ''}")
                 self.variables[kept[size]] = Variable(kept[size], f"integer {kept[size]}")
                 self.sizes.append(kept[size])
                 self._write(kept[size], code)  # goes again where nothing reads it
-        shape = tuple(kept.get(size, size) if isinstance(size, str) else size for size in kind.shape)
+        shape = tuple(
+            kept.get(size, size) if isinstance(size, str) else size for size in kind.shape
+        )
         if kind.is_packed:
             return Array.packed(kind.element, shape)
-        return Array(kind.element, shape, tuple(kept.get(n, n) if isinstance(n, str) else n for n in kind.strides))
+        return Array(
+            kind.element,
+            shape,
+            tuple(kept.get(n, n) if isinstance(n, str) else n for n in kind.strides),
+        )
 
     def _lasting(self, code: str) -> bool:
         """Whether an expression is a name that stands for one number all the time."""
-        parameters = {size for _, kind in self.function.parameters if isinstance(kind, Array) for size in kind.sizes}
+        parameters = {
+            size
+            for _, kind in self.function.parameters
+            if isinstance(kind, Array)
+            for size in kind.sizes
+        }
         return code.isidentifier() and (
             code in parameters
             or code in self.taken - set(map(self.unit.identifier, self.local))
@@ -203,8 +244,12 @@ class Assignments(Arrays):
             or (code in self.source.parameters and self.stores.get(code, 0) == 0)
         )
 
-    def _variable(self, name: str, declaration: str, *, array: bool = False, fresh: bool = False) -> str:
-        """The C variable of a name; another one where the name stood for another kind of thing, or is to be fresh."""
+    def _variable(
+        self, name: str, declaration: str, *, array: bool = False, fresh: bool = False
+    ) -> str:
+        """The C variable of a name; another one where the name stood for another kind of thing, or
+        is to be fresh.
+        """
         own, n = self.unit.identifier(name), 1
         while True:
             known = self.variables.get(own)
@@ -233,7 +278,9 @@ class Assignments(Arrays):
             return value
         if value.rule is not None:
             return self.in_memory(value)
-        harmed = any(mentions(value.code, name) for name in names) or (memory and self._reads(value))
+        harmed = any(mentions(value.code, name) for name in names) or (
+            memory and self._reads(value)
+        )
         return self.keep("next", value) if harmed else value
 
     def _variables_of(self, name: str) -> set[str]:
@@ -247,7 +294,9 @@ class Assignments(Arrays):
                 return
             effects = self.effects
             value = self.expression(statement.value)
-            if self.effects > effects and isinstance(statement.targets[0], ast.Subscript | ast.Attribute):
+            if self.effects > effects and isinstance(
+                statement.targets[0], ast.Subscript | ast.Attribute
+            ):
                 value = self.keep("value", value)  # before the place that it goes to is looked for
             self._assign(statement.targets[0], value, ast.unparse(statement.targets[0]))
             return
@@ -283,8 +332,12 @@ class Assignments(Arrays):
         if len(items) != len(target.elts):
             raise Refused("another number of targets than of values")
         for n, element in enumerate(target.elts):
-            names = {variable for name in stored([element]) for variable in self._variables_of(name)}
-            memory = any(isinstance(part, ast.Subscript | ast.Attribute) for part in ast.walk(element))
+            names = {
+                variable for name in stored([element]) for variable in self._variables_of(name)
+            }
+            memory = any(
+                isinstance(part, ast.Subscript | ast.Attribute) for part in ast.walk(element)
+            )
             for m in range(n + 1, len(items)):
                 items[m] = self._unharmed(items[m], names, memory)
         for element, item in zip(target.elts, items, strict=True):
@@ -292,7 +345,11 @@ class Assignments(Arrays):
 
     def _makes_array(self, target: ast.expr, value: ast.expr) -> bool:
         """Work space of a constant size: ``np.empty`` or ``np.zeros``."""
-        if isinstance(target, ast.Tuple) and isinstance(value, ast.Tuple) and len(target.elts) == len(value.elts):
+        if (
+            isinstance(target, ast.Tuple)
+            and isinstance(value, ast.Tuple)
+            and len(target.elts) == len(value.elts)
+        ):
             if not any(map(self._calls_numpy, value.elts)):
                 return False
             for one, part in zip(target.elts, value.elts, strict=True):
@@ -305,8 +362,12 @@ class Assignments(Arrays):
         function = self.expression(value.func)
         if len(value.args) != 1 or value.keywords:
             raise refused(value, ": work space has a shape, and its elements are real numbers")
-        parts = list(value.args[0].elts) if isinstance(value.args[0], ast.Tuple) else [value.args[0]]
-        sizes = tuple(size for part in parts if isinstance(size := self.integer(part).constant, int))
+        parts = (
+            list(value.args[0].elts) if isinstance(value.args[0], ast.Tuple) else [value.args[0]]
+        )
+        sizes = tuple(
+            size for part in parts if isinstance(size := self.integer(part).constant, int)
+        )
         if not isinstance(target, ast.Name) or len(sizes) < len(parts):
             raise refused(value, ": the size of work space must be known when compiling")
         made = self.environment[target.id] = self.space(target.id, sizes)
@@ -318,7 +379,10 @@ class Assignments(Arrays):
         """Work space for real numbers; its size is known when compiling."""
         kind, sizes = Array.packed(REAL, shape), [size for size in shape if isinstance(size, int)]
         if len(sizes) < len(shape):
-            raise Refused("an array that is computed, whose size is not known when compiling: write it to work space")
+            raise Refused(
+                "an array that is computed, whose size is not known when compiling: write it to "
+                "work space"
+            )
         if kind.empty:
             return Value(kind, "NULL")
         own = self._variable(name, f"{REAL} {{}}[{prod(sizes)}]", array=True, fresh=True)
@@ -332,10 +396,16 @@ class Assignments(Arrays):
         module = value.func.value
         known = isinstance(module, ast.Name) and module.id not in self.environment
         found = self.expression(value.func) if known else None
-        return found is not None and isinstance(found.type, Function) and found.type.target in (np.empty, np.zeros)
+        return (
+            found is not None
+            and isinstance(found.type, Function)
+            and found.type.target in (np.empty, np.zeros)
+        )
 
     def _store(self, target: ast.Subscript, value: Value) -> None:
-        """Write into an array: an element, or a view of it from a number or an array of the same shape."""
+        """Write into an array: an element, or a view of it from a number or an array of the same
+        shape.
+        """
         owner = self.expression(target.value)
         if not isinstance(owner.type, Array):
             raise refused(target.value, " is no array")
@@ -370,24 +440,34 @@ class Assignments(Arrays):
                 continue
             names.append(self.fresh("ijk"[axis] + "_"))
             axes.append([Value(INTEGER, names[-1])])
-            header = f"for (integer {names[-1]} = 0; {names[-1]} < {kind.shape[axis]}; {names[-1]}++)"
+            header = (
+                f"for (integer {names[-1]} = 0; {names[-1]} < {kind.shape[axis]}; {names[-1]}++)"
+            )
             self.path.append(self._block(header, loop=True))
         self.taken -= set(names)
         self._fill_elements(view, value, list(product(*axes)))
         del self.path[len(self.path) - len(names) :]
 
     def _fill_elements(self, view: Value, value: Value, places: Sequence[Sequence[Value]]) -> None:
-        """Write elements: all are computed before the first is written, so that compilers may do several at once."""
+        """Write elements: all are computed before the first is written, so that compilers may do
+        several at once.
+        """
         kind = as_array(view).element
         assert isinstance(kind, Scalar)
         several = len(places) > 1 and isinstance(value.type, Array)
         if several:
             self.path.append(self._block("", loop=False))
-        numbers = [self.element(value, at) if isinstance(value.type, Array) else value for at in places]
+        numbers = [
+            self.element(value, at) if isinstance(value.type, Array) else value for at in places
+        ]
         if several:
             numbers = [self.keep("element", self.cast(number, kind)) for number in numbers]
         for at, number in zip(places, numbers, strict=True):
-            plain = self.at(self.dereferenced(view), offset(as_array(view), at)) if view.rule is None else ""
+            plain = (
+                self.at(self.dereferenced(view), offset(as_array(view), at))
+                if view.rule is None
+                else ""
+            )
             place = plain if view.rule is None else view.rule(at).code
             self.emit(f"{place} = {self.cast(number, kind).code};")
         if several:
@@ -398,13 +478,17 @@ class Assignments(Arrays):
         """The array where writing the view does not change what is still to be read."""
         reads = read_by(value)
         shared = [(array, here) for array, here in reads if view.roots & array.roots]
-        if any(may_overlap(view, array) if here else may_meet(view, array) for array, here in shared):
+        if any(
+            may_overlap(view, array) if here else may_meet(view, array) for array, here in shared
+        ):
             if value.rule is None:
                 raise Refused("a part of an array becomes another part of it, and both may overlap")
             return self.in_memory(value)
         for array, here in reads:
             if not here:
-                self.function.apart |= set(product(view.fields or view.roots, array.fields or array.roots))
+                self.function.apart |= set(
+                    product(view.fields or view.roots, array.fields or array.roots)
+                )
         return value
 
     def _do_augassign(self, statement: ast.AugAssign) -> None:
@@ -421,8 +505,14 @@ class Assignments(Arrays):
         effects, emitted = self.effects, self.emitted
         value = self.expression(statement.value)
         if self.effects > effects:
-            if not isinstance(place.type, Scalar) or self.emitted > emitted or place.code.count("[") > 1:
-                raise Refused("a call that writes where memory is changed: give its result a name first")
+            if (
+                not isinstance(place.type, Scalar)
+                or self.emitted > emitted
+                or place.code.count("[") > 1
+            ):
+                raise Refused(
+                    "a call that writes where memory is changed: give its result a name first"
+                )
             before = self.keep("before", place)  # what Python reads first
             result = self.arithmetic(operator, before, value)
             self.emit(f"{place.code} = {self.cast(result, place.type).code};")

@@ -31,12 +31,15 @@ class CFunction:
     """A kernel in C, for one set of types."""
 
     name: str  # in C
-    parameters: list[tuple[str, Type]]  # names and types, with sizes that are known at run time named
+    parameters: list[
+        tuple[str, Type]
+    ]  # names and types, with sizes that are known at run time named
     # the names of those sizes that the body uses; they are parameters, too
     sizes: set[str] = field(default_factory=set)
     result: Type = NOTHING  # what it returns
     written: set[str] = field(default_factory=set)  # parameters whose memory it writes
-    # ways from parameters to memory that is written, and to what is read afterwards: no two may be the same
+    # ways from parameters to memory that is written, and to what is read afterwards: no two may be
+    # the same
     apart: set[tuple[str, str]] = field(default_factory=set)
     head: str = ""  # of its declaration
     text: str = ""  # all of it
@@ -48,7 +51,9 @@ class Variable:
 
     name: str  # in C
     declaration: str  # its type and name, real *row
-    array: bool = False  # whether the declaration makes an array, which no assignment can stand in for
+    array: bool = (
+        False  # whether the declaration makes an array, which no assignment can stand in for
+    )
     # for each mention the blocks around it, from the outermost, with its position in each
     places: list[tuple[tuple[Block, int], ...]] = field(default_factory=list)
 
@@ -85,7 +90,9 @@ class Block:
 
 
 def place(variable: Variable) -> None:
-    """Declare a variable where it is first assigned, if that is before everything else; otherwise further out."""
+    """Declare a variable where it is first assigned, if that is before everything else; otherwise
+    further out.
+    """
     if not variable.places:
         return
     if variable.array:
@@ -110,17 +117,23 @@ def place(variable: Variable) -> None:
 
 def mentions(code: str, name: str) -> bool:
     """Whether a variable stands in a piece of C."""
-    return name in code and re.search(rf"(?<![\w.])(?<!->){re.escape(name)}(?!\w)", code) is not None
+    return (
+        name in code and re.search(rf"(?<![\w.])(?<!->){re.escape(name)}(?!\w)", code) is not None
+    )
 
 
-def drop_unused(root: Block, variables: dict[str, Variable], is_pure: Callable[[str], bool]) -> None:
+def drop_unused(
+    root: Block, variables: dict[str, Variable], is_pure: Callable[[str], bool]
+) -> None:
     """Remove variables that nothing reads; a call with effects stays."""
     while True:
         pieces = list(_pieces(root))
         unused = {
             variable
             for variable in variables.values()
-            if not any(owner is not variable and mentions(code, variable.name) for owner, code in pieces)
+            if not any(
+                owner is not variable and mentions(code, variable.name) for owner, code in pieces
+            )
         }
         if not unused:
             return

@@ -31,7 +31,9 @@ DTYPES = {
 
 
 class Caller:
-    """Base of what C calls, by the address that it keeps; until then :meth:`__call__` is Python's (:func:`join`)."""
+    """Base of what C calls, by the address that it keeps; until then :meth:`__call__` is Python's
+    (:func:`join`).
+    """
 
     __slots__ = ("_address",)
     _address: int
@@ -43,14 +45,18 @@ class Caller:
 
 
 def join(kind: type[Caller], *, chains: bool) -> None:
-    """Let C make the calls of all objects of a class, which is derived from :class:`Caller` first."""
+    """Let C make the calls of all objects of a class, which is derived from :class:`Caller`
+    first.
+    """
     name = f"{kind.__module__}.{kind.__name__}"
     kind.__bases__ = (bridge().make_type(Caller, name.encode(), chains), *kind.__bases__[1:])
 
 
 def calling_library(*files: Path) -> ctypes.PyDLL:
     """Files of C behind calls.h, as one library with the name of the last."""
-    text = "\n".join(file.read_text(encoding="utf-8") for file in (Path(__file__).with_name("calls.h"), *files))
+    text = "\n".join(
+        file.read_text(encoding="utf-8") for file in (Path(__file__).with_name("calls.h"), *files)
+    )
     return compiler.library(files[-1].stem, compiler.key_of(text), lambda: text)
 
 
@@ -59,10 +65,15 @@ def bridge() -> ctypes.PyDLL:
     """The library, compiled where it is not there yet.
 
     Raises:
-        HarpyError: there is no compiler, and the wheel does not have it; or objects of this Python lie in memory
-            otherwise than bridge.c declares them, such as those of one without a global lock.
+        HarpyError: there is no compiler, and the wheel does not have it; or objects of this Python
+            lie in memory otherwise than bridge.c declares them, such as those of one without a
+            global lock.
     """
-    free, python, number = sysconfig.get_config_var("Py_GIL_DISABLED"), ctypes.py_object, ctypes.c_void_p
+    free, python, number = (
+        sysconfig.get_config_var("Py_GIL_DISABLED"),
+        ctypes.py_object,
+        ctypes.c_void_p,
+    )
     if not free:
         lib = calling_library(Path(__file__).with_suffix(".c"))
         caller, x = Caller(), np.zeros((2, 3))
@@ -78,7 +89,9 @@ def bridge() -> ctypes.PyDLL:
             return lib
     kind = " without its global lock" if free else ""
     found = f"Python {platform.python_version()}{kind} with NumPy {np.__version__}"
-    raise HarpyError(f"kernels cannot be called from {found}: take CPython from 3.11 on as it is usually built")
+    raise HarpyError(
+        f"kernels cannot be called from {found}: take CPython from 3.11 on as it is usually built"
+    )
 
 
 class Bound(ctypes.Structure):
@@ -89,10 +102,12 @@ class Bound(ctypes.Structure):
 
 
 class Version:
-    """A kernel compiled for one set of types: a ``version`` of bridge.c, with all that its memory points to.
+    """A kernel compiled for one set of types: a ``version`` of bridge.c, with all that its memory
+    points to.
 
-    ``entry`` is the address of the function to call. The library has told the letters of its results, and the arguments
-    whose memory it writes. With ``release`` other threads of Python may go on meanwhile.
+    ``entry`` is the address of the function to call. The library has told the letters of its
+    results, and the arguments whose memory it writes. With ``release`` other threads of Python may
+    go on meanwhile.
     """
 
     def __init__(
@@ -112,7 +127,10 @@ class Version:
         parts = [part for name, kind in types.items() for part in self._argument(name, kind)]
         results = len(told["results"].lstrip("("))
         if self._slots > MAX_SLOTS or results > MAX_RESULTS or len(self._symbols) > MAX_SYMBOLS:
-            most = f"{MAX_SLOTS} numbers, arrays and sizes, {MAX_SYMBOLS} sizes with names, {MAX_RESULTS} results"
+            most = (
+                f"{MAX_SLOTS} numbers, arrays and sizes, {MAX_SYMBOLS} sizes with names, "
+                f"{MAX_RESULTS} results"
+            )
             raise KernelError(f"calls from Python have at most {most}")
         head = struct.pack("PPPii", entry, 0, ctypes.addressof(letters), len(types), release)
         self.memory = ctypes.create_string_buffer(head + b"".join(parts))
@@ -133,13 +151,17 @@ class Version:
             element = kind.element if isinstance(kind, Array) else kind
             shape = kind.shape if isinstance(kind, Array) else ()
             if len(shape) > MAX_AXES:
-                raise KernelError(f"'{name}' has {len(shape)} axes; calls from Python pass at most {MAX_AXES}")
+                raise KernelError(
+                    f"'{name}' has {len(shape)} axes; calls from Python pass at most {MAX_AXES}"
+                )
             dtype = element.dtype if isinstance(element, Struct) else DTYPES[str(element)]
             self._kept.append(dtype)
             written = isinstance(element, Struct) or name in self._told["written"]
             follow = [isinstance(n, str) for n in shape]
             self._slots += 1 + sum(follow)
-            yield _pack(ARRAY, len(shape), written, id(dtype), encode(shape, stated, self._symbols), follow)
+            yield _pack(
+                ARRAY, len(shape), written, id(dtype), encode(shape, stated, self._symbols), follow
+            )
         else:
             self._slots += 1
             most = encode((), (stated,), self._symbols) if isinstance(stated, str) else ()
@@ -156,4 +178,6 @@ def _pack(
 ) -> bytes:
     """The memory of one ``argument``."""
     known = sum(1 << n for n, run_time in enumerate(follow) if run_time)
-    return struct.pack("iiiiP4q", kind, axes, written, known, pointer, *sizes, *[ANY] * (4 - len(sizes)))
+    return struct.pack(
+        "iiiiP4q", kind, axes, written, known, pointer, *sizes, *[ANY] * (4 - len(sizes))
+    )

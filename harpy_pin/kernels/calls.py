@@ -1,4 +1,6 @@
-"""Calls of kernels that C makes by itself, one at a time in a closed loop, or several in one crossing from Python."""
+"""Calls of kernels that C makes by itself, one at a time in a closed loop, or several in one
+crossing from Python.
+"""
 
 from __future__ import annotations
 
@@ -17,8 +19,8 @@ from harpy_pin.kernels.kernels import Kernel
 class Call:
     """A kernel, and arguments whose memory stays where it is.
 
-    A kernel whose first argument is called ``t`` gets the time of the tick there, whatever is given. For the tick to go
-    on in C it must return what is ``expected``, if anything is.
+    A kernel whose first argument is called ``t`` gets the time of the tick there, whatever is
+    given. For the tick to go on in C it must return what is ``expected``, if anything is.
     """
 
     def __init__(self, kernel: Kernel[Any], *arguments: Any, expected: int | None = None) -> None:
@@ -82,12 +84,15 @@ def _join_bridge() -> None:
 class Chain(Caller):
     """Calls one after the other for a state, ``chain(state)``.
 
-    It copies what was measured to the ``samples``, arrays of up to two axes by the attribute of the state that they
-    are, and returns what the last call does: an integer. Where the time is no float within ±``longest``, s, an array is
-    not of float64 and of its shape, or a call does not return what it must, it returns None, and Python goes on.
+    It copies what was measured to the ``samples``, arrays of up to two axes by the attribute of the
+    state that they are, and returns what the last call does: an integer. Where the time is no float
+    within ±``longest``, s, an array is not of float64 and of its shape, or a call does not return
+    what it must, it returns None, and Python goes on.
     """
 
-    def __init__(self, calls: Sequence[Call], samples: Mapping[str, np.ndarray[Any, Any]], *, longest: float) -> None:
+    def __init__(
+        self, calls: Sequence[Call], samples: Mapping[str, np.ndarray[Any, Any]], *, longest: float
+    ) -> None:
         first, bound = linked(calls)
         names = {name: sys.intern(name) for name in ("t", *samples)}
         given = [
@@ -97,6 +102,8 @@ class Chain(Caller):
         number = np.dtype(np.float64)
         self._kept = (bound, first, samples, names, number)  # C has their addresses
         parts = (_Sample * MAX_SAMPLES)(*given)
-        self._chain = _Chain(len(first), len(given), id(number), id(names["t"]), longest, first, parts)
+        self._chain = _Chain(
+            len(first), len(given), id(number), id(names["t"]), longest, first, parts
+        )
         self._address = ctypes.addressof(self._chain)
         _join_bridge()

@@ -1,9 +1,10 @@
 """The C compiler: which one, with which flags, and where what it makes is kept.
 
-A library is kept under a name that follows from everything that decides it, so that nothing out of date is ever found.
-Files appear whole or not at all, and carry a checksum of their content and name; a damaged one is made again. Nothing
-is loaded that others can write. Where nothing can be kept, libraries live in a temporary folder of the process.
-Without a compiler those are used that the wheel brings, if it is one for this platform (hatch_build.py).
+A library is kept under a name that follows from everything that decides it, so that nothing out of
+date is ever found. Files appear whole or not at all, and carry a checksum of their content and
+name; a damaged one is made again. Nothing is loaded that others can write. Where nothing can be
+kept, libraries live in a temporary folder of the process. Without a compiler those are used that
+the wheel brings, if it is one for this platform (hatch_build.py).
 """
 
 from __future__ import annotations
@@ -34,24 +35,46 @@ from typing import Any
 
 from harpy_pin.errors import HarpyError, KernelError, install_line
 
-EXACT = ("-std=c99", "-ffp-contract=off", "-fno-tree-slp-vectorize", "-fno-math-errno", "-fno-trapping-math")
-"""No fused products, so that every compiler gives the same digits; GCC 12 makes some from neighbouring statements
-(vfmaddsub) although contraction is off."""
+EXACT = (
+    "-std=c99",
+    "-ffp-contract=off",
+    "-fno-tree-slp-vectorize",
+    "-fno-math-errno",
+    "-fno-trapping-math",
+)
+"""No fused products, so that every compiler gives the same digits; GCC 12 makes some from
+neighbouring statements (vfmaddsub) although contraction is off.
+"""
 VECTORS = "-fvect-cost-model=cheap"
 FOR_A_WHEEL = bool(os.environ.get("HARPY_PIN_FOR_A_WHEEL"))
-"""Whether what is compiled is for other machines, too: processors since 2009, which NumPy's wheels need as well."""
+"""Whether what is compiled is for other machines, too: processors since 2009, which NumPy's wheels
+need as well.
+"""
 BASELINE = ("-march=x86-64-v2",) if platform.machine() == "x86_64" else ()
-FLAGS = (*EXACT, "-O2", VECTORS, "-fpeel-loops", "-fno-gcse", *(BASELINE if FOR_A_WHEEL else ("-march=native", "-g1")))
-"""Loops over rows become vector instructions, also where their length is known at run time only: with that the general
-QP's tick takes 0.7 of the time. Sums keep their order, so no digit changes. Without a search for common expressions
-across blocks GCC compiles in 0.87 of the time, and no tick takes longer."""
+FLAGS = (
+    *EXACT,
+    "-O2",
+    VECTORS,
+    "-fpeel-loops",
+    "-fno-gcse",
+    *(BASELINE if FOR_A_WHEEL else ("-march=native", "-g1")),
+)
+"""Loops over rows become vector instructions, also where their length is known at run time only:
+with that the general QP's tick takes 0.7 of the time. Sums keep their order, so no digit changes.
+Without a search for common expressions across blocks GCC compiles in 0.87 of the time, and no tick
+takes longer.
+"""
 SHARED = ("-shared", "-fPIC", "-w")
 FORMAT = "2"  # of a library's file
 MAX_SIZE = 1 << 26  # of a library's file, bytes
 PATIENCE = 300.0  # how long a process waits for another that makes the same library, s
 UNUSED_FOR = 60 * 24 * 3600  # time after which a library that nobody loaded is removed, s
-WATCHED = """exec 3<&0 0</dev/null; { read x <&3; kill -TERM 0; } >/dev/null 2>&1 & exec "$@" 3<&-"""
-"""A shell's words: run a command, and end its process group as soon as nobody writes to the standard input any more."""
+WATCHED = (
+    """exec 3<&0 0</dev/null; { read x <&3; kill -TERM 0; } >/dev/null 2>&1 & exec "$@" 3<&-"""
+)
+"""A shell's words: run a command, and end its process group as soon as nobody writes to the
+standard input any more.
+"""
 BROUGHT = Path(__file__).with_name("libraries")  # where a wheel for one platform has its libraries
 KEPT_FILE = re.compile(r"\w+-[0-9a-f]{32}.*\.(so|lock|part)")
 """Names of what is kept, and of what is being made."""
@@ -61,7 +84,9 @@ _SAID: set[str] = set()
 
 
 def say(message: str) -> None:
-    """A notice, once in a process; ``logging.getLogger("harpy_pin.compiling").setLevel("ERROR")`` silences it."""
+    """A notice, once in a process; ``logging.getLogger("harpy_pin.compiling").setLevel("ERROR")``
+    silences it.
+    """
     if message not in _SAID:
         _SAID.add(message)
         LOGGER.warning(message)
@@ -69,7 +94,9 @@ def say(message: str) -> None:
 
 @cache
 def compiler() -> tuple[str, ...] | None:
-    """The command of the C compiler: ``$CC``, ``cc``, ``gcc``, ``clang``, ``ziglang``; None without any."""
+    """The command of the C compiler: ``$CC``, ``cc``, ``gcc``, ``clang``, ``ziglang``; None without
+    any.
+    """
     for name in (os.environ.get("CC", ""), "cc", "gcc", "clang"):
         words = name.split()
         if words and (found := shutil.which(words[0])):
@@ -96,7 +123,11 @@ def version() -> str:
     """The compiler's name and version, in a line."""
     with suppress(OSError, subprocess.SubprocessError, IndexError):
         told = subprocess.run(
-            [*(compiler() or ()), "--version"], capture_output=True, text=True, check=True, timeout=10
+            [*(compiler() or ()), "--version"],
+            capture_output=True,
+            text=True,
+            check=True,
+            timeout=10,
         )
         return told.stdout.splitlines()[0]
     return "unknown compiler"
@@ -110,7 +141,9 @@ def portable() -> bool:
 
 @cache
 def _machine() -> str:
-    """What decides a library besides its source: compiler, flags and processor; of a portable one the platform."""
+    """What decides a library besides its source: compiler, flags and processor; of a portable one
+    the platform.
+    """
     if portable():
         return repr((platform.machine(), platform.system()))
     command = compiler() or ()
@@ -140,14 +173,18 @@ def folder() -> Path:
             probe.write(b"x" * 4096)
             probe.flush()
     except OSError as error:
-        say(f"compiled kernels are not kept, for '{path}' cannot be used: {error.strerror or error}")
+        say(
+            f"compiled kernels are not kept, for '{path}' cannot be used: {error.strerror or error}"
+        )
         return _own_folder()
     return path
 
 
 def _is_mine(status: os.stat_result) -> bool:
     """Whether a file or folder is this user's, and nobody else can write to it."""
-    return not hasattr(os, "geteuid") or (status.st_uid == os.geteuid() and not status.st_mode & 0o022)
+    return not hasattr(os, "geteuid") or (
+        status.st_uid == os.geteuid() and not status.st_mode & 0o022
+    )
 
 
 @cache
@@ -172,7 +209,8 @@ def key_of(*parts: bytes | str) -> str:
 
 
 def library(name: str, key: str, source: Callable[[], str]) -> ctypes.PyDLL:
-    """A library, from its file or compiled from the C that ``source`` makes; a person may recognise its name.
+    """A library, from its file or compiled from the C that ``source`` makes; a person may recognise
+    its name.
 
     Raises:
         KernelError: the compiler fails; the message has what it says.
@@ -201,12 +239,17 @@ def _brought(name: str) -> ctypes.PyDLL:
     """A library of the wheel."""
     if not _whole(BROUGHT / name, ours=False):
         kernel = name.partition("-")[0]
-        why = f"the kernel '{kernel}' for this robot or setting is not in the wheel, and there is no C compiler"
+        why = (
+            f"the kernel '{kernel}' for this robot or setting is not in the wheel, and there is "
+            f"no C compiler"
+        )
         raise HarpyError(f"{why}: {_install()}")
     try:
         return ctypes.PyDLL(str(BROUGHT / name))
     except OSError as error:
-        raise HarpyError(f"the compiled kernel '{BROUGHT / name}' cannot be loaded: {error}") from error
+        raise HarpyError(
+            f"the compiled kernel '{BROUGHT / name}' cannot be loaded: {error}"
+        ) from error
 
 
 def _checksum(name: str, data: bytes) -> bytes:
@@ -218,10 +261,19 @@ def _whole(path: Path, *, ours: bool = True) -> bool:
 
     Its last bytes are the checksum of its name and the others.
     """
-    flags = os.O_RDONLY | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
+    flags = (
+        os.O_RDONLY
+        | getattr(os, "O_NOFOLLOW", 0)
+        | getattr(os, "O_NONBLOCK", 0)
+        | getattr(os, "O_BINARY", 0)
+    )
     with suppress(OSError), os.fdopen(os.open(path, flags), "rb") as file:
         status = os.fstat(file.fileno())
-        if not stat.S_ISREG(status.st_mode) or (ours and not _is_mine(status)) or status.st_size > MAX_SIZE:
+        if (
+            not stat.S_ISREG(status.st_mode)
+            or (ours and not _is_mine(status))
+            or status.st_size > MAX_SIZE
+        ):
             return False
         data = file.read()
         if _checksum(path.name, data[:-32]) == data[-32:]:
@@ -252,18 +304,24 @@ def _alone(path: Path) -> Iterator[None]:
             with suppress(OSError):
                 lock.unlink()
             with suppress(OSError):
-                fcntl.flock(file, fcntl.LOCK_UN)  # a child that was forked meanwhile keeps the file open
+                fcntl.flock(
+                    file, fcntl.LOCK_UN
+                )  # a child that was forked meanwhile keeps the file open
             os.close(file)
 
 
 def _places(path: Path) -> Iterator[Path]:
-    """Where a library may be kept: its place, or a folder of this process, made where it is needed."""
+    """Where a library may be kept: its place, or a folder of this process, made where it is
+    needed.
+    """
     yield path
     yield _own_folder() / path.name
 
 
 def _make(path: Path, source: str) -> Path:
-    """Compile; the file takes its place whole. Returns where it is, another folder where it cannot be kept."""
+    """Compile; the file takes its place whole. Returns where it is, another folder where it cannot
+    be kept.
+    """
     say("compiling kernels for this robot, for some seconds; the result is kept on disk")
     try:
         with work_folder() as work:
@@ -288,16 +346,23 @@ def _make(path: Path, source: str) -> Path:
         clear(place.parent, unused_for=UNUSED_FOR)
         MADE.append(place)
         return place
-    raise KernelError(f"no place to keep a compiled kernel: '{path.parent}' and '{_own_folder()}' cannot be written")
+    raise KernelError(
+        f"no place to keep a compiled kernel: '{path.parent}' and '{_own_folder()}' cannot be "
+        f"written"
+    )
 
 
 def _compiled(source: str, work: str, name: str) -> bytes:
-    """A library of this C; its parts, where it has several, are compiled at once, the longest ones first."""
+    """A library of this C; its parts, where it has several, are compiled at once, the longest ones
+    first.
+    """
     file, made = f"{work}/{name}.c", f"{work}/made.so"
     Path(file).write_text(source, encoding="utf-8")
     flags = [flag for flag in FLAGS if flag != VECTORS or "clang" not in version()]  # it refuses it
     if "ziglang" in (compiler() or ()):
-        flags = [flag.replace("x86-64-v2", "x86_64_v2") for flag in flags]  # its name of the processor
+        flags = [
+            flag.replace("x86-64-v2", "x86_64_v2") for flag in flags
+        ]  # its name of the processor
     parts = re.search(r"^#define PARTS (\d+)$", source, re.MULTILINE)
     objects = [f"{work}/{n}.o" for n in range(int(parts[1]) if parts else 0)]
 
@@ -312,7 +377,9 @@ def _compiled(source: str, work: str, name: str) -> bytes:
 
 @contextmanager
 def work_folder() -> Iterator[str]:
-    """A folder that is gone after the block, and where the process ends meanwhile (:func:`ending`)."""
+    """A folder that is gone after the block, and where the process ends meanwhile
+    (:func:`ending`).
+    """
     path = os.path.join(tempfile.gettempdir(), f"harpy_pin_{secrets.token_hex(8)}")
     with _STARTING:
         if _ENDING:
@@ -326,13 +393,21 @@ def work_folder() -> Iterator[str]:
         _WORK.discard(path)
 
 
-def run_program(command: list[str], *, temporary: str | None = None, timeout: float | None = None) -> tuple[str, int]:
-    """Run a compiler, or what it made, which ends with this process; returns what it said, and its exit code.
+def run_program(
+    command: list[str], *, temporary: str | None = None, timeout: float | None = None
+) -> tuple[str, int]:
+    """Run a compiler, or what it made, which ends with this process; returns what it said, and its
+    exit code.
 
-    It has a process group of its own: Ctrl-C in a terminal ends what this process decides, not the compilers first.
+    It has a process group of its own: Ctrl-C in a terminal ends what this process decides, not the
+    compilers first.
     """
     known = os.environ if temporary is None else {**os.environ, "TMPDIR": temporary}
-    pipes: dict[str, Any] = {"stdout": subprocess.PIPE, "stderr": subprocess.STDOUT, "process_group": 0}
+    pipes: dict[str, Any] = {
+        "stdout": subprocess.PIPE,
+        "stderr": subprocess.STDOUT,
+        "process_group": 0,
+    }
     watched, ours = os.pipe()  # ours is closed, too, where this process is killed
     with os.fdopen(ours, "wb"):
         with os.fdopen(watched) as end, _STARTING:
@@ -377,7 +452,9 @@ _STARTING = Lock()
 
 @contextmanager
 def ending() -> Iterator[None]:
-    """A block before which the compilers of all threads are ended and their folders removed; in it none is begun."""
+    """A block before which the compilers of all threads are ended and their folders removed; in it
+    none is begun.
+    """
     with _STARTING:
         _ENDING.append(True)
     _abandon()
@@ -388,7 +465,9 @@ def ending() -> Iterator[None]:
 
 
 def begin_anew() -> None:
-    """In a forked child, which has none of its parent's threads: their compilers and folders are the parent's."""
+    """In a forked child, which has none of its parent's threads: their compilers and folders are
+    the parent's.
+    """
     global _STARTING
     _STARTING = Lock()
     _RUNNING.clear()
@@ -397,7 +476,9 @@ def begin_anew() -> None:
 
 
 def leave() -> None:
-    """End compilers and remove their folders before the process ends at once; takes no lock, so that signals may."""
+    """End compilers and remove their folders before the process ends at once; takes no lock, so
+    that signals may.
+    """
     _ENDING.append(True)
     _abandon()
     for holder in _KEPT:
@@ -417,7 +498,8 @@ def _abandon() -> None:
 
 
 def clear(place: Path | None = None, *, unused_for: float = 0.0) -> int:
-    """Remove libraries that nobody has loaded for a time, s, from a folder, by default :func:`folder`; says how many.
+    """Remove libraries that nobody has loaded for a time, s, from a folder, by default
+    :func:`folder`; says how many.
 
     What processes have loaded stays with them.
     """

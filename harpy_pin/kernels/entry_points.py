@@ -1,4 +1,6 @@
-"""The function of a library that Python calls: arguments come as one array of slots, results go into another."""
+"""The function of a library that Python calls: arguments come as one array of slots, results go
+into another.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +14,17 @@ from harpy_pin.errors import KernelError
 from harpy_pin.kernels.blocks import CFunction
 from harpy_pin.kernels.shapes import constant_shape
 from harpy_pin.kernels.source import source_of
-from harpy_pin.kernels.types import BOOLEAN, INTEGER, REAL, Array, Scalar, Struct, Tuple, Type, element_of
+from harpy_pin.kernels.types import (
+    BOOLEAN,
+    INTEGER,
+    REAL,
+    Array,
+    Scalar,
+    Struct,
+    Tuple,
+    Type,
+    element_of,
+)
 from harpy_pin.kernels.unit import Unit, in_part
 
 if TYPE_CHECKING:
@@ -23,19 +35,27 @@ UPPER_HALVES = """#if defined(__AVX__) && (defined(__clang__) || __GNUC__ >= 12)
 #define exp(x) (__builtin_ia32_vzeroupper(), exp(x))
 #define hypot(x, y) (__builtin_ia32_vzeroupper(), hypot(x, y))
 #endif"""
-"""GCC calls these with the upper halves of vector registers in use, for which their SSE instructions wait: without it
-Harpy's physics take 1.3 times as long. GCC 11 does not know that the instruction changes registers."""
+"""GCC calls these with the upper halves of vector registers in use, for which their SSE
+instructions wait: without it Harpy's physics take 1.3 times as long. GCC 11 does not know that the
+instruction changes registers.
+"""
 MEMBERS = {"real": "number", "integer": "whole", "bool": "whole"}
 LETTERS = {"real": "r", "integer": "i", "bool": "b"}
 
 
 def argument_types(kernel: Kernel[Any], given: Mapping[str, Any]) -> tuple[Type, ...]:
     """Types of arguments; a :class:`KernelError` where a kernel takes nothing of that kind."""
-    records = {name: value.dtype for name, value in given.items() if getattr(value, "dtype", None) is not None}
+    records = {
+        name: value.dtype
+        for name, value in given.items()
+        if getattr(value, "dtype", None) is not None
+    }
     return tuple(_type(kernel, name, value, records) for name, value in given.items())
 
 
-def _type(kernel: Kernel[Any], name: str, value: Any, records: Mapping[str, Any], *, whole: bool = True) -> Type:
+def _type(
+    kernel: Kernel[Any], name: str, value: Any, records: Mapping[str, Any], *, whole: bool = True
+) -> Type:
     """The type of an argument, or of a part of one that is a tuple."""
     if isinstance(value, np.ndarray):
         element = element_of(value.dtype, name)
@@ -56,13 +76,20 @@ def _type(kernel: Kernel[Any], name: str, value: Any, records: Mapping[str, Any]
 
 
 def entry_code(
-    kernel: Any, types: tuple[Type, ...], *, single: bool = False, debug: bool = False, traced: bool = True
+    kernel: Any,
+    types: tuple[Type, ...],
+    *,
+    single: bool = False,
+    debug: bool = False,
+    traced: bool = True,
 ) -> str:
     """A whole file with the function that Python calls."""
     unit = Unit(single=single, debug=debug, lines=traced)
     function = unit.function_for(kernel, types)
     slots = iter(range(1000))
-    arguments = [code for _, kind in function.parameters for code in _unpack(unit, kind, function, slots)]
+    arguments = [
+        code for _, kind in function.parameters for code in _unpack(unit, kind, function, slots)
+    ]
     call = f"{function.name}({', '.join(arguments)})"
     kind = function.result
     lines: list[str]
@@ -79,7 +106,10 @@ def entry_code(
         lines, results = [f"{call};", "(void)r;"], ""
     told = json.dumps({"results": results, "written": sorted(function.written)}).replace('"', '\\"')
     body = "\n".join(f"    {line}" for line in lines)
-    entry = f'const char *const signature = "{told}";\n\nvoid entry(const slot *a, slot *r)\n{{\n{body}\n}}'
+    entry = (
+        f'const char *const signature = "{told}";\n\nvoid entry(const slot *a, slot '
+        f"*r)\n{{\n{body}\n}}"
+    )
     code = unit.code(apart=True)
     begin = [in_part("PARTS - 1"), *(['#line 1 "entry"'] if unit.lines else [])]
     entry = "\n".join([*begin, entry, "#endif"])

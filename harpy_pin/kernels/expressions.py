@@ -1,4 +1,6 @@
-"""Expressions of a kernel as expressions in C: names, calls, fields of records, elements and views of arrays."""
+"""Expressions of a kernel as expressions in C: names, calls, fields of records, elements and views
+of arrays.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +12,18 @@ from typing import Any
 
 import numpy as np
 
-from harpy_pin.kernels.operators import ATOM, EQUALITY, PRODUCT, SUM, UNARY, Operators, Refused, refused, wider, wrap
+from harpy_pin.kernels.operators import (
+    ATOM,
+    EQUALITY,
+    PRODUCT,
+    SUM,
+    UNARY,
+    Operators,
+    Refused,
+    refused,
+    wider,
+    wrap,
+)
 from harpy_pin.kernels.types import (
     BOOLEAN,
     INTEGER,
@@ -28,7 +41,11 @@ from harpy_pin.kernels.types import (
 
 def _is_sum_from(end: ast.BinOp, begin: ast.expr | None) -> bool:
     """Whether the end of a slice is its beginning and something more."""
-    return begin is not None and isinstance(end.op, ast.Add) and ast.unparse(end.left) == ast.unparse(begin)
+    return (
+        begin is not None
+        and isinstance(end.op, ast.Add)
+        and ast.unparse(end.left) == ast.unparse(begin)
+    )
 
 
 MATHEMATICS = {
@@ -83,7 +100,11 @@ class Expressions(Operators):
 
     def size(self, size: int | str) -> Value:
         """A size of an array as a number."""
-        return self.constant(size) if isinstance(size, int) else Value(INTEGER, size, PRODUCT if "*" in size else ATOM)
+        return (
+            self.constant(size)
+            if isinstance(size, int)
+            else Value(INTEGER, size, PRODUCT if "*" in size else ATOM)
+        )
 
     def _subscript(self, node: ast.Subscript) -> Value:
         owner = self.expression(node.value)
@@ -116,7 +137,9 @@ class Expressions(Operators):
         raise NotImplementedError
 
     def view(self, owner: Value, parts: list[ast.expr]) -> Value:
-        """A part of an array; without axes left its code is the element, otherwise the address of the first one."""
+        """A part of an array; without axes left its code is the element, otherwise the address of
+        the first one.
+        """
         assert isinstance(owner.type, Array)
         shape, strides = list(owner.type.shape), list(owner.type.strides)
         if len(parts) > len(shape):
@@ -142,18 +165,28 @@ class Expressions(Operators):
         if fixed or not terms:
             terms.append(str(fixed))
         offset = " + ".join(terms)
-        kind = Array(owner.type.element, (*left_shape, *shape[len(parts) :]), (*left_strides, *strides[len(parts) :]))
+        kind = Array(
+            owner.type.element,
+            (*left_shape, *shape[len(parts) :]),
+            (*left_strides, *strides[len(parts) :]),
+        )
         if not kind.shape:
             owner = self.dereferenced(owner)
             return Value(kind, f"{self.at(owner, offset)}", roots=owner.roots, fields=owner.fields)
         if begins:
-            owner = replace(owner, fields=frozenset(_part_of(path, begins) for path in owner.fields))
+            owner = replace(
+                owner, fields=frozenset(_part_of(path, begins) for path in owner.fields)
+            )
         if offset == "0" or owner.code == "NULL":
             return replace(owner, type=kind)
-        return Value(kind, f"{wrap(owner, SUM)} + {offset}", SUM, roots=owner.roots, fields=owner.fields)
+        return Value(
+            kind, f"{wrap(owner, SUM)} + {offset}", SUM, roots=owner.roots, fields=owner.fields
+        )
 
     def dereferenced(self, owner: Value) -> Value:
-        """An array whose elements are named, in a branch that a robot without them never comes to."""
+        """An array whose elements are named, in a branch that a robot without them never comes
+        to.
+        """
         if owner.code != "NULL":
             return owner
         return replace(owner, code=f"(({self.unit.declare(owner.type, '').strip()})NULL)")
@@ -184,15 +217,25 @@ class Expressions(Operators):
         begin = self.integer(node.lower) if node.lower is not None else self.constant(0)
         end = self.integer(node.upper) if node.upper is not None else self.size(size)
         length: int | str | None = self._difference(node, size)
-        if length is None and isinstance(node.upper, ast.BinOp) and _is_sum_from(node.upper, node.lower):
+        if (
+            length is None
+            and isinstance(node.upper, ast.BinOp)
+            and _is_sum_from(node.upper, node.lower)
+        ):
             length = self.integer(node.upper.right).code
         if length is None:
             length = end.code if begin.constant == 0 else f"({end.code} - {wrap(begin, SUM + 1)})"
         for bound in (begin, end):
-            if isinstance(bound.constant, int) and isinstance(size, int) and not 0 <= bound.constant <= size:
+            if (
+                isinstance(bound.constant, int)
+                and isinstance(size, int)
+                and not 0 <= bound.constant <= size
+            ):
                 raise Refused(f"a slice to {bound.constant} of an axis of {size}")
         if self.unit.debug:
-            begin = Value(INTEGER, f"{self.unit.helper('within')}({begin.code}, {end.code}, {size}, __LINE__)")
+            begin = Value(
+                INTEGER, f"{self.unit.helper('within')}({begin.code}, {end.code}, {size}, __LINE__)"
+            )
         return begin, length
 
     def _difference(self, node: ast.Slice, size: int | str) -> int | None:
@@ -208,14 +251,19 @@ class Expressions(Operators):
         return rest.get("", 0) if not any(n for term, n in rest.items() if term) else None
 
     def _linear(self, node: ast.expr) -> dict[str, int]:
-        """An integer expression as a sum of terms with constant factors; the term without a name is 1."""
+        """An integer expression as a sum of terms with constant factors; the term without a name is
+        1.
+        """
         value = self.integer(node)
         if isinstance(value.constant, int):
             return {"": value.constant}
         if isinstance(node, ast.BinOp) and isinstance(node.op, ast.Add | ast.Sub):
             sign = 1 if isinstance(node.op, ast.Add) else -1
             left, right = self._linear(node.left), self._linear(node.right)
-            return {term: left.get(term, 0) + sign * right.get(term, 0) for term in left.keys() | right.keys()}
+            return {
+                term: left.get(term, 0) + sign * right.get(term, 0)
+                for term in left.keys() | right.keys()
+            }
         if isinstance(node, ast.BinOp) and isinstance(node.op, ast.Mult):
             for factor, other in ((node.left, node.right), (node.right, node.left)):
                 known = self.integer(factor).constant
@@ -234,7 +282,9 @@ class Expressions(Operators):
             size = self.integer(part)
             shape.append(size.constant if isinstance(size.constant, int) else size.code)
         known = [all(isinstance(n, int) for n in sizes) for sizes in (shape, owner.type.shape)]
-        if any(isinstance(n, int) and n < 0 for n in shape) or (all(known) and prod(shape) != prod(owner.type.shape)):
+        if any(isinstance(n, int) and n < 0 for n in shape) or (
+            all(known) and prod(shape) != prod(owner.type.shape)
+        ):
             raise Refused(f"reshape of {owner.type.shape} to {tuple(shape)}")
         return replace(owner, type=Array.packed(owner.type.element, tuple(shape)))
 
@@ -280,7 +330,9 @@ class Expressions(Operators):
         raise refused(node)
 
     def known(self, found: Any, name: str) -> Value:
-        """A value of Python that a kernel's source names: a number, a kernel, a module, a function."""
+        """A value of Python that a kernel's source names: a number, a kernel, a module, a
+        function.
+        """
         if isinstance(found, int | float | tuple | np.integer | np.bool_):
             if isinstance(found, ByPrecision) and self.unit.single:
                 found = found.single
@@ -295,7 +347,9 @@ class Expressions(Operators):
         volatile = any(argument.volatile for argument in arguments)
         codes = ", ".join(self.real(argument).code for argument in arguments)
         if function in MATHEMATICS:
-            return Value(REAL, f"{self.unit.function(MATHEMATICS[function])}({codes})", volatile=volatile)
+            return Value(
+                REAL, f"{self.unit.function(MATHEMATICS[function])}({codes})", volatile=volatile
+            )
         if function in PREDICATES:
             return Value(BOOLEAN, f"{PREDICATES[function]}({codes}) != 0", EQUALITY, volatile=True)
         if function in (builtins.min, builtins.max):
@@ -304,7 +358,9 @@ class Expressions(Operators):
         if function in (builtins.abs, np.abs):
             if first.type is REAL:
                 return Value(REAL, f"{self.unit.function('fabs')}({codes})", volatile=volatile)
-            return Value(INTEGER, f"{self.unit.helper('integer_abs')}({first.code})", volatile=volatile)
+            return Value(
+                INTEGER, f"{self.unit.helper('integer_abs')}({first.code})", volatile=volatile
+            )
         return self.real(first) if function is builtins.float else self.cast(first, INTEGER)
 
     def _extreme(self, name: str, arguments: list[Value]) -> Value:
@@ -313,6 +369,8 @@ class Expressions(Operators):
         value = self.cast(arguments[0], kind)
         volatile = any(argument.volatile for argument in arguments)
         for other in arguments[1:]:
-            call = f"{self.unit.helper(f'{kind}_{name}')}({value.code}, {self.cast(other, kind).code})"
+            call = (
+                f"{self.unit.helper(f'{kind}_{name}')}({value.code}, {self.cast(other, kind).code})"
+            )
             value = Value(kind, call, volatile=volatile)
         return value

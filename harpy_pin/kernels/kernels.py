@@ -1,7 +1,7 @@
 """``@kernel``: a function of numbers and arrays that runs as C.
 
-The first call with arguments of new types translates and compiles it; the library is kept, so that the next process
-only loads it.
+The first call with arguments of new types translates and compiles it; the library is kept, so that
+the next process only loads it.
 """
 
 from __future__ import annotations
@@ -30,7 +30,16 @@ from harpy_pin.kernels.source import fingerprint, remember
 from harpy_pin.kernels.types import Array, Struct, Type
 
 TRANSLATOR = (
-    *("types", "operators", "expressions", "arrays", "overlaps", "blocks", "assignments", "statements"),
+    *(
+        "types",
+        "operators",
+        "expressions",
+        "arrays",
+        "overlaps",
+        "blocks",
+        "assignments",
+        "statements",
+    ),
     *("source", "unit", "entry_points"),
 )
 """Modules that decide the C of a kernel."""
@@ -44,13 +53,16 @@ Result_co = TypeVar("Result_co", covariant=True)
 
 
 class Kernel(Caller, Generic[Result_co]):
-    """A function in the language of kernels, see docs/kernels.md; ``Kernel[float]`` returns a number.
+    """A function in the language of kernels, see docs/kernels.md; ``Kernel[float]`` returns a
+    number.
 
     Attributes:
         py_func: the function in Python.
     """
 
-    def __init__(self, function: FunctionType, shapes: Mapping[str, Shape], *, release: bool = False) -> None:
+    def __init__(
+        self, function: FunctionType, shapes: Mapping[str, Shape], *, release: bool = False
+    ) -> None:
         update_wrapper(self, function)
         self.py_func = function
         self._signature = signature(function)
@@ -70,10 +82,11 @@ class Kernel(Caller, Generic[Result_co]):
             """Run it."""
 
     def slowly(self, *arguments: Any, **named: Any) -> Any:
-        """A call with arguments of new types: they are checked, and the kernel is compiled for them.
+        """A call with arguments of new types: they are checked, and the kernel is compiled for
+        them.
 
-        An :class:`InputError` is of an array of another shape than the kernel states, a :class:`KernelError` of other
-        kinds.
+        An :class:`InputError` is of an array of another shape than the kernel states, a
+        :class:`KernelError` of other kinds.
         """
         given = self._bind(arguments, named)
         check_shapes(self.py_func.__name__, self._shapes, given)
@@ -81,25 +94,30 @@ class Kernel(Caller, Generic[Result_co]):
         self._finish(self._begin(values))
         result = bridge().try_call(self, values)
         if result == () and any(map(_has_gaps, values)):
-            packed = tuple(np.ascontiguousarray(value) if _has_gaps(value) else value for value in values)
+            packed = tuple(
+                np.ascontiguousarray(value) if _has_gaps(value) else value for value in values
+            )
             result = bridge().try_call(self, packed)
             for value, copy in zip(values, packed, strict=True):
                 if value is not copy and value.flags.writeable:
                     value[...] = copy
         if result == ():
-            raise KernelError(f"{self.py_func.__name__} does not take arguments like these: {_described(given)}")
+            raise KernelError(
+                f"{self.py_func.__name__} does not take arguments like these: {_described(given)}"
+            )
         return result
 
     def prepare(self, *arguments: Any) -> Future[None]:
         """Begin to compile for arguments like these, in the background; the kernel is not called.
 
-        The future is done once it can be called. A :class:`KernelError` says that the kernel does not take such
-        arguments.
+        The future is done once it can be called. A :class:`KernelError` says that the kernel does
+        not take such arguments.
         """
         return self._versions[self._begin(tuple(map(_plain, self._bind(arguments, {}).values())))]
 
     def bind(self, *arguments: Any) -> Bound:
-        """The kernel with arguments that stay where they are, for C that calls it; it is compiled if need be.
+        """The kernel with arguments that stay where they are, for C that calls it; it is compiled
+        if need be.
 
         Errors are those of :meth:`slowly`.
         """
@@ -110,7 +128,10 @@ class Kernel(Caller, Generic[Result_co]):
         self._finish(self._begin(bound.arguments))
         moved = any(isinstance(value, np.void) for value in given.values())
         if moved or not bridge().bind_call(self, bound.arguments, ctypes.byref(bound)):
-            raise KernelError(f"{self.py_func.__name__} cannot be bound to arguments like these: {_described(given)}")
+            raise KernelError(
+                f"{self.py_func.__name__} cannot be bound to arguments like these: "
+                f"{_described(given)}"
+            )
         return bound
 
     def _begin(self, values: tuple[Any, ...]) -> tuple[Type, ...]:
@@ -123,7 +144,9 @@ class Kernel(Caller, Generic[Result_co]):
         return types
 
     def _finish(self, types: tuple[Type, ...]) -> None:
-        """Wait for a library; one whose turn has not come yet, or that could not be made, is made in this thread."""
+        """Wait for a library; one whose turn has not come yet, or that could not be made, is made
+        in this thread.
+        """
         with _LOCK:
             future = self._versions[types]
             ours = future.cancel() or (future.done() and future.exception() is not None)
@@ -150,20 +173,26 @@ class Kernel(Caller, Generic[Result_co]):
         return dict(bound.arguments)
 
     def _refuse_other_axes(self, types: tuple[Type, ...]) -> None:
-        """An argument that was an array of two axes once is never one of another kind; nothing is compiled for it."""
+        """An argument that was an array of two axes once is never one of another kind; nothing is
+        compiled for it.
+        """
         for known, made in self._versions.items():
             if made.done() and not made.cancelled() and made.exception() is not None:
                 continue
             for name, a, b in zip(self._names, known, types, strict=True):
                 if not isinstance(a, Array) or isinstance(a.element, Struct):
                     continue
-                if not (isinstance(b, Array) and b.element == a.element and len(b.shape) == len(a.shape)):
+                if not (
+                    isinstance(b, Array) and b.element == a.element and len(b.shape) == len(a.shape)
+                ):
                     message = f"must be an array of {len(a.shape)} axes of {DTYPES[str(a.element)]}"
                     raise KernelError(f"{name} of {self.py_func.__name__} {message}")
             break
 
     def _load(self, types: tuple[Type, ...]) -> None:
-        """Compile for these types, or load what was compiled before, and add it to what can be called."""
+        """Compile for these types, or load what was compiled before, and add it to what can be
+        called.
+        """
         name = self.py_func.__name__.strip("_")
         code = fingerprint(self.py_func, portable=compiler.portable())
         key = compiler.key_of(_translator(), code, f"{self.py_func.__module__}.{name}", repr(types))
@@ -197,18 +226,21 @@ class Kernel(Caller, Generic[Result_co]):
 @overload
 def kernel(function: Callable[..., Result], /) -> Kernel[Result]: ...
 @overload
-def kernel(*, release: bool = False, **shapes: Shape) -> Callable[[Callable[..., Result]], Kernel[Result]]: ...
+def kernel(
+    *, release: bool = False, **shapes: Shape
+) -> Callable[[Callable[..., Result]], Kernel[Result]]: ...
 def kernel(function: Any = None, /, *, release: bool = False, **shapes: Shape) -> Any:
     """Make a function a kernel.
 
     Args:
         function: in the language of kernels (docs/kernels.md).
         release: whether other threads of Python may go on while it runs.
-        shapes: for an argument that is an array its shape, which is checked where Python calls the kernel. An entry is
-            a number, a name such as ``"n"`` that stands for the same number everywhere, a multiple of it (``"3n"``), or
-            the least number (``"7+"``). ``"p.rate"`` in the place of a shape means that of a field of the argument
-            ``p``. A number instead of an array is at most what a name stands for where the name is in the place of the
-            shape. Sizes that are numbers, or those of a field, are constants in C.
+        shapes: for an argument that is an array its shape, which is checked where Python calls the
+            kernel. An entry is a number, a name such as ``"n"`` that stands for the same number
+            everywhere, a multiple of it (``"3n"``), or the least number (``"7+"``). ``"p.rate"`` in
+            the place of a shape means that of a field of the argument ``p``. A number instead of an
+            array is at most what a name stands for where the name is in the place of the shape.
+            Sizes that are numbers, or those of a field, are constants in C.
     """
     if function is not None:
         return Kernel(function, {})
@@ -216,7 +248,9 @@ def kernel(function: Any = None, /, *, release: bool = False, **shapes: Shape) -
 
 
 _DTYPES = {dtype: dtype for dtype in DTYPES.values()}
-"""The one of equal types of records that calls compare with; those that were pickled have others."""
+"""The one of equal types of records that calls compare with; those that were pickled have
+others.
+"""
 
 
 def _plain(value: Any) -> Any:
@@ -244,7 +278,11 @@ def _has_gaps(value: Any) -> bool:
 
 def _described(given: Mapping[str, Any]) -> str:
     def kind(value: Any) -> str:
-        return f"{value.dtype.kind}{value.shape}" if isinstance(value, np.ndarray) else type(value).__name__
+        return (
+            f"{value.dtype.kind}{value.shape}"
+            if isinstance(value, np.ndarray)
+            else type(value).__name__
+        )
 
     return ", ".join(f"{name}: {kind(value)}" for name, value in given.items())
 
@@ -261,7 +299,9 @@ def _workers() -> ThreadPoolExecutor:
 
 
 def _begin_anew() -> None:
-    """In a forked child, which has none of its parent's threads: what they have not finished is not begun."""
+    """In a forked child, which has none of its parent's threads: what they have not finished is not
+    begun.
+    """
     global _LOCK, _TRANSLATING
     _LOCK, _TRANSLATING = RLock(), RLock()
     compiler.begin_anew()
@@ -293,4 +333,6 @@ def end_all() -> None:
 def _translator() -> bytes:
     """The translator's own source: what it writes is made anew when it changes."""
     here = Path(__file__).parent
-    return b"".join((here / name).read_bytes() for name in (*(f"{own}.py" for own in TRANSLATOR), "helpers.c"))
+    return b"".join(
+        (here / name).read_bytes() for name in (*(f"{own}.py" for own in TRANSLATOR), "helpers.c")
+    )

@@ -1,4 +1,6 @@
-"""Numbers of a kernel as C: constants, conversions, operators, and the order in which expressions are evaluated."""
+"""Numbers of a kernel as C: constants, conversions, operators, and the order in which expressions
+are evaluated.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +17,17 @@ from harpy_pin.kernels.types import BOOLEAN, INTEGER, REAL, SINGLE, Array, Scala
 if TYPE_CHECKING:
     from harpy_pin.kernels.unit import Unit
 
-ATOM, UNARY, PRODUCT, SUM, RELATION, EQUALITY, AND, OR, TERNARY = 100, 90, 80, 70, 60, 55, 40, 30, 20
+ATOM, UNARY, PRODUCT, SUM, RELATION, EQUALITY, AND, OR, TERNARY = (
+    100,
+    90,
+    80,
+    70,
+    60,
+    55,
+    40,
+    30,
+    20,
+)
 """How tightly operators bind."""
 NODES = frozenset(
     (
@@ -59,7 +71,9 @@ COMPARISONS: dict[type[ast.cmpop], tuple[str, int, Callable[[Any, Any], bool]]] 
 
 
 class Operators:
-    """Translates numbers and operators; the translators of expressions and statements are its subclasses."""
+    """Translates numbers and operators; the translators of expressions and statements are its
+    subclasses.
+    """
 
     unit: Unit
     environment: dict[str, Any]
@@ -85,11 +99,15 @@ class Operators:
         raise NotImplementedError
 
     def in_memory(self, array: Value, name: str = "array") -> Value:
-        """An array that is in memory, where it is written before the statement if it is computed."""
+        """An array that is in memory, where it is written before the statement if it is
+        computed.
+        """
         raise NotImplementedError
 
     def ordered(self, nodes: Sequence[ast.expr]) -> list[Value]:
-        """Expressions that Python evaluates in order, and C in any: none may change what others read."""
+        """Expressions that Python evaluates in order, and C in any: none may change what others
+        read.
+        """
         values: list[Value] = []
         writes: list[bool] = []
         for node in nodes:
@@ -97,8 +115,13 @@ class Operators:
             values.append(self.expression(node))
             writes.append(self.effects > before)
         for n, write in enumerate(writes):
-            if write and any(writes[m] or self._reads(value) for m, value in enumerate(values) if m != n):
-                raise Refused("a call that changes what the rest of the expression reads: give its result a name first")
+            if write and any(
+                writes[m] or self._reads(value) for m, value in enumerate(values) if m != n
+            ):
+                raise Refused(
+                    "a call that changes what the rest of the expression reads: give its result a "
+                    "name first"
+                )
         return values
 
     def _reads(self, value: Value) -> bool:
@@ -110,7 +133,9 @@ class Operators:
         return MEMORY.search(value.code) is not None or not self.unit.is_pure(value.code)
 
     def inline(self, translate: Callable[[ast.expr], Value], node: ast.expr) -> Value:
-        """Translate what may not run, or may run again: nothing of it may stand before the statement."""
+        """Translate what may not run, or may run again: nothing of it may stand before the
+        statement.
+        """
         before = self.emitted
         value = translate(node)
         if self.emitted > before:
@@ -122,9 +147,16 @@ class Operators:
         if isinstance(number, bool | np.bool_):
             return Value(BOOLEAN, "true" if number else "false", constant=bool(number))
         if isinstance(number, int | np.integer):
-            return Value(INTEGER, str(int(number)), ATOM if number >= 0 else UNARY, constant=int(number))
+            return Value(
+                INTEGER, str(int(number)), ATOM if number >= 0 else UNARY, constant=int(number)
+            )
         if isinstance(number, float):
-            return Value(REAL, self.unit.literal(number), ATOM if number >= 0 else UNARY, constant=float(number))
+            return Value(
+                REAL,
+                self.unit.literal(number),
+                ATOM if number >= 0 else UNARY,
+                constant=float(number),
+            )
         if isinstance(number, tuple):
             items = tuple(map(self.constant, number))
             return Value(Tuple(tuple(item.type for item in items)), items=items)
@@ -141,12 +173,16 @@ class Operators:
         if not isinstance(value.type, Scalar):
             raise Refused("something that is no number where one is needed")
         if to is SINGLE:
-            return replace(self.real(value), code=f"(float){wrap(self.real(value), UNARY)}", binding=UNARY)
+            return replace(
+                self.real(value), code=f"(float){wrap(self.real(value), UNARY)}", binding=UNARY
+            )
         if to is BOOLEAN:
             return Value(BOOLEAN, f"{wrap(value, EQUALITY + 1)} != 0", EQUALITY)
         if isinstance(value.constant, int):
             return self.constant(float(value.constant) if to is REAL else int(value.constant))
-        return replace(value, type=to, code=f"({to}){wrap(value, UNARY)}", binding=UNARY, constant=None)
+        return replace(
+            value, type=to, code=f"({to}){wrap(value, UNARY)}", binding=UNARY, constant=None
+        )
 
     def scalar(self, node: ast.expr) -> Value:
         """An expression that must be a number."""
@@ -202,7 +238,13 @@ class Operators:
             raise Refused("the negative of what is no number")
         value = self.cast(value, INTEGER) if value.type is BOOLEAN else value
         number = None if value.constant is None else -value.constant
-        return Value(value.type, f"-{wrap(value, UNARY + 1)}", UNARY, constant=number, volatile=value.volatile)
+        return Value(
+            value.type,
+            f"-{wrap(value, UNARY + 1)}",
+            UNARY,
+            constant=number,
+            volatile=value.volatile,
+        )
 
     def _binop(self, node: ast.BinOp) -> Value:
         left, right = self.ordered((node.left, node.right))
@@ -226,7 +268,9 @@ class Operators:
             return self._power(a, b)
         if isinstance(operator, ast.Div):
             a, b = self.real(a), self.real(b)
-            return Value(REAL, f"{wrap(a, PRODUCT)} / {wrap(b, PRODUCT + 1)}", PRODUCT, volatile=volatile)
+            return Value(
+                REAL, f"{wrap(a, PRODUCT)} / {wrap(b, PRODUCT + 1)}", PRODUCT, volatile=volatile
+            )
         a, b = self.cast(a, kind), self.cast(b, kind)
         if isinstance(operator, ast.FloorDiv | ast.Mod):
             return self._division(operator, kind, a, b)
@@ -244,9 +288,13 @@ class Operators:
 
     def _bits(self, operator: ast.operator, a: Value, b: Value) -> Value:
         both = a.type is BOOLEAN and b.type is BOOLEAN
-        sign = "|" if isinstance(operator, ast.BitOr) else "&"  # of truth values, too: both sides are evaluated
+        sign = (
+            "|" if isinstance(operator, ast.BitOr) else "&"
+        )  # of truth values, too: both sides are evaluated
         kind = BOOLEAN if both else INTEGER
-        return Value(kind, f"({wrap(a, ATOM)} {sign} {wrap(b, ATOM)})", volatile=a.volatile or b.volatile)
+        return Value(
+            kind, f"({wrap(a, ATOM)} {sign} {wrap(b, ATOM)})", volatile=a.volatile or b.volatile
+        )
 
     def _power(self, a: Value, b: Value) -> Value:
         """A real number to a power; to a small one that is known when compiling, a product."""
@@ -262,12 +310,19 @@ class Operators:
     def _division(self, operator: ast.operator, kind: Scalar, a: Value, b: Value) -> Value:
         """Quotient or rest, rounded down as Python does."""
         quotient = isinstance(operator, ast.FloorDiv)
-        if kind is INTEGER and isinstance(a.constant, int) and isinstance(b.constant, int) and b.constant > 0:
+        if (
+            kind is INTEGER
+            and isinstance(a.constant, int)
+            and isinstance(b.constant, int)
+            and b.constant > 0
+        ):
             return self.constant(a.constant // b.constant if quotient else a.constant % b.constant)
         if kind is REAL and quotient:
             raise Refused("// of real numbers")
         name = "real_mod" if kind is REAL else "floor_div" if quotient else "floor_mod"
-        return Value(kind, f"{self.unit.helper(name)}({a.code}, {b.code})", volatile=a.volatile or b.volatile)
+        return Value(
+            kind, f"{self.unit.helper(name)}({a.code}, {b.code})", volatile=a.volatile or b.volatile
+        )
 
     def _boolop(self, node: ast.BoolOp) -> Value:
         return self._together(node, self._truth_value)
@@ -280,7 +335,9 @@ class Operators:
         return value
 
     def _together(self, node: ast.BoolOp, translate: Callable[[ast.expr], Value]) -> Value:
-        """Several conditions, of which the later ones are asked only where the earlier ones leave it open."""
+        """Several conditions, of which the later ones are asked only where the earlier ones leave
+        it open.
+        """
         together = isinstance(node.op, ast.And)
         parts: list[Value] = []
         for n, operand in enumerate(node.values):
@@ -294,13 +351,19 @@ class Operators:
         if len(parts) == 1:
             return parts[0]
         sign, binding = (" && ", AND) if together else (" || ", OR)
-        return Value(BOOLEAN, sign.join(wrap(part, AND + 1) for part in parts), binding, volatile=True)
+        return Value(
+            BOOLEAN, sign.join(wrap(part, AND + 1) for part in parts), binding, volatile=True
+        )
 
     def _compare(self, node: ast.Compare) -> Value:
         left, *others = self.ordered((node.left, *node.comparators[:1]))
-        if len(node.ops) > 1:  # each of the inner ones is used twice, the later ones may not be asked
+        if (
+            len(node.ops) > 1
+        ):  # each of the inner ones is used twice, the later ones may not be asked
             others = [self._once(right) for right in others]
-            others += [self._once(self.inline(self.expression, right)) for right in node.comparators[1:]]
+            others += [
+                self._once(self.inline(self.expression, right)) for right in node.comparators[1:]
+            ]
         parts: list[Value] = []
         for operator, right in zip(node.ops, others, strict=True):
             part = self.relation(operator, left, right)
@@ -315,7 +378,9 @@ class Operators:
             return parts[0]
         if any(isinstance(part.type, Array) for part in parts):
             raise refused(node, ": a chain of comparisons of arrays")
-        return Value(BOOLEAN, " && ".join(wrap(part, AND + 1) for part in parts), AND, volatile=True)
+        return Value(
+            BOOLEAN, " && ".join(wrap(part, AND + 1) for part in parts), AND, volatile=True
+        )
 
     def _once(self, value: Value) -> Value:
         """A value that is used several times: a call is made once."""
@@ -328,7 +393,11 @@ class Operators:
             a = self._once(a)
             found = [self.relation(ast.Eq(), a, item) for item in b.items]
             return Value(BOOLEAN, " || ".join(wrap(part, AND + 1) for part in found), OR)
-        if isinstance(a.type, Tuple) and isinstance(b.type, Tuple) and isinstance(operator, ast.Eq | ast.NotEq):
+        if (
+            isinstance(a.type, Tuple)
+            and isinstance(b.type, Tuple)
+            and isinstance(operator, ast.Eq | ast.NotEq)
+        ):
             return self._same_tuples(isinstance(operator, ast.Eq), a, b)
         if type(operator) not in COMPARISONS:
             raise Refused(f"the comparison {type(operator).__name__}")
@@ -339,7 +408,9 @@ class Operators:
             return self.constant(compare(a.constant, b.constant))
         kind = wider(a.type, b.type)
         a, b = self.cast(a, kind), self.cast(b, kind)
-        return Value(BOOLEAN, f"{wrap(a, binding + 1)} {sign} {wrap(b, binding + 1)}", binding, volatile=True)
+        return Value(
+            BOOLEAN, f"{wrap(a, binding + 1)} {sign} {wrap(b, binding + 1)}", binding, volatile=True
+        )
 
     def _same_tuples(self, equal: bool, a: Value, b: Value) -> Value:
         if len(a.items) != len(b.items):
@@ -363,7 +434,9 @@ class Operators:
     def choice(self, condition: Value, a: Value, b: Value) -> Value:
         """One of two values."""
         if isinstance(a.type, Tuple) and isinstance(b.type, Tuple) and len(a.items) == len(b.items):
-            items = tuple(self.choice(condition, x, y) for x, y in zip(a.items, b.items, strict=True))
+            items = tuple(
+                self.choice(condition, x, y) for x, y in zip(a.items, b.items, strict=True)
+            )
             return Value(Tuple(tuple(item.type for item in items)), items=items)
         roots = a.roots | b.roots
         if isinstance(a.type, Scalar) and isinstance(b.type, Scalar):

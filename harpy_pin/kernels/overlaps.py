@@ -16,7 +16,8 @@ def may_meet(view: Value, value: Value) -> bool:
 def may_overlap(view: Value, value: Value) -> bool:
     """Whether two views of the same memory may share some elements, but not each with itself.
 
-    Rows, their parts from the same index on, and equal fields of records are the same or have nothing in common.
+    Rows, their parts from the same index on, and equal fields of records are the same or have
+    nothing in common.
     """
     alike = as_array(view).strides == as_array(value).strides
     if alike and view.code == value.code:

@@ -1,4 +1,6 @@
-"""Records as others get them: what kernels take for indices and counts cannot be written from outside."""
+"""Records as others get them: what kernels take for indices and counts cannot be written from
+outside.
+"""
 
 from __future__ import annotations
 
@@ -14,7 +16,9 @@ _Array = NDArray[Any]
 
 
 class RecordView(np.ndarray[Any, np.dtype[np.void]]):
-    """A record whose fields that are whole numbers are read only; kernels take it like the record itself."""
+    """A record whose fields that are whole numbers are read only; kernels take it like the record
+    itself.
+    """
 
     def __getitem__(self, key: Any) -> Any:
         part = super().__getitem__(key)

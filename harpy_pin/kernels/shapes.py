@@ -1,4 +1,6 @@
-"""Shapes that a kernel states for its arguments: constants in C, and checked where Python calls the kernel."""
+"""Shapes that a kernel states for its arguments: constants in C, and checked where Python calls the
+kernel.
+"""
 
 from __future__ import annotations
 
@@ -17,10 +19,14 @@ _LEAST, _SYMBOL, _FACTORS = 1_000, 1_000_000, 1_000
 _FLOAT = np.dtype(np.float64)
 
 
-def constant_shape(stated: Shape | None, dtypes: Mapping[str, Any], axes: int) -> tuple[int | str, ...]:
-    """What is known of an array's shape when a kernel is compiled; an empty string where nothing is.
+def constant_shape(
+    stated: Shape | None, dtypes: Mapping[str, Any], axes: int
+) -> tuple[int | str, ...]:
+    """What is known of an array's shape when a kernel is compiled; an empty string where nothing
+    is.
 
-    It follows from what the kernel states and from the types of the arguments that are arrays, by name.
+    It follows from what the kernel states and from the types of the arguments that are arrays, by
+    name.
     """
     if stated is None:
         return ("",) * axes
@@ -29,8 +35,12 @@ def constant_shape(stated: Shape | None, dtypes: Mapping[str, Any], axes: int) -
     return tuple(entry if isinstance(entry, int) else "" for entry in stated)
 
 
-def encode(shape: tuple[int | str, ...], stated: Shape | None, symbols: dict[str, int]) -> list[int]:
-    """Sizes as bridge.c checks them: a size, any, a least size, or a multiple of a size that has a name."""
+def encode(
+    shape: tuple[int | str, ...], stated: Shape | None, symbols: dict[str, int]
+) -> list[int]:
+    """Sizes as bridge.c checks them: a size, any, a least size, or a multiple of a size that has a
+    name.
+    """
     if stated is None or isinstance(stated, str):
         return [n if isinstance(n, int) else ANY for n in shape]
     return [_encode(entry, symbols) for entry in stated]
@@ -46,7 +56,9 @@ def _encode(entry: int | str, symbols: dict[str, int]) -> int:
 
 
 def check_shapes(kernel: str, shapes: Mapping[str, Shape], given: Mapping[str, Any]) -> None:
-    """Check arguments against what a kernel states; an :class:`InputError` says what was expected."""
+    """Check arguments against what a kernel states; an :class:`InputError` says what was
+    expected.
+    """
     sizes: dict[str, int] = {}
     dtypes = {name: getattr(value, "dtype", None) for name, value in given.items()}
     for name, shape in shapes.items():
@@ -56,15 +68,24 @@ def check_shapes(kernel: str, shapes: Mapping[str, Shape], given: Mapping[str, A
                 _refuse(kernel, name, f"a whole number from 0 to {sizes[shape]}", value)
             continue
         desired = _field_shape(shape, dtypes) if isinstance(shape, str) else shape
-        fits = isinstance(value, np.ndarray) and value.dtype == _FLOAT and value.ndim == len(desired)
+        fits = (
+            isinstance(value, np.ndarray) and value.dtype == _FLOAT and value.ndim == len(desired)
+        )
         if not fits or not all(map(_is, value.shape, desired, repeat(sizes))):
             known = ", ".join(f"{key} = {size}" for key, size in sizes.items())
             text = ", ".join(map(str, desired)) + ("," if len(desired) == 1 else "")
-            _refuse(kernel, name, f"a float64 array of shape ({text})" + (f" with {known}" if known else ""), value)
+            _refuse(
+                kernel,
+                name,
+                f"a float64 array of shape ({text})" + (f" with {known}" if known else ""),
+                value,
+            )
 
 
 def _refuse(kernel: str, name: str, desired: str, value: Any) -> None:
-    found = f"{value.dtype} of shape {value.shape}" if isinstance(value, np.ndarray) else shown(value)
+    found = (
+        f"{value.dtype} of shape {value.shape}" if isinstance(value, np.ndarray) else shown(value)
+    )
     raise InputError(f"{name} of {kernel} must be {desired}, got {found}", name=name, value=value)
 
 
@@ -77,12 +98,16 @@ def _field_shape(path: str, dtypes: Mapping[str, Any]) -> tuple[int, ...]:
             dtype = dtype[name]
         return tuple(dtype.shape)
     except (TypeError, KeyError, IndexError):
-        raise InputError(f"{argument} must be a record with '{'.'.join(names)}'", name=argument) from None
+        raise InputError(
+            f"{argument} must be a record with '{'.'.join(names)}'", name=argument
+        ) from None
 
 
 @cache
 def _parse(entry: int | str) -> tuple[int, str]:
-    """Factor and name of an entry of a shape; without a name it is the number itself, with ``+`` the least number."""
+    """Factor and name of an entry of a shape; without a name it is the number itself, with ``+``
+    the least number.
+    """
     if isinstance(entry, int):
         return entry, ""
     if entry.endswith("+"):
@@ -92,7 +117,9 @@ def _parse(entry: int | str) -> tuple[int, str]:
 
 
 def _is(size: int, desired: int | str, sizes: dict[str, int]) -> bool:
-    """Whether a size is what it should be; a name that is met for the first time stands for it from now on."""
+    """Whether a size is what it should be; a name that is met for the first time stands for it from
+    now on.
+    """
     number, name = _parse(desired)
     if not name:
         return size == number

@@ -22,7 +22,8 @@ from harpy_pin.kernels.expressions import kernel_of
 
 
 class Source:
-    """A kernel's function as a tree: its definition, its arguments in order, with defaults, and its first paragraph.
+    """A kernel's function as a tree: its definition, its arguments in order, with defaults, and its
+    first paragraph.
 
     A :class:`KernelError` says that there is no source to read.
     """
@@ -72,7 +73,8 @@ def _definition(function: FunctionType) -> ast.FunctionDef:
 def _definitions(text: str) -> dict[int, ast.FunctionDef]:
     """Functions in a file by their first lines, which are those of decorators.
 
-    Garbage is not collected meanwhile: what it runs may let another thread parse, and Python's parser takes no two.
+    Garbage is not collected meanwhile: what it runs may let another thread parse, and Python's
+    parser takes no two.
     """
     collects = gc.isenabled()
     gc.disable()
@@ -81,14 +83,18 @@ def _definitions(text: str) -> dict[int, ast.FunctionDef]:
     finally:
         if collects:
             gc.enable()
-    return {min([node.lineno, *(one.lineno for one in node.decorator_list)]): node for node in nodes}
+    return {
+        min([node.lineno, *(one.lineno for one in node.decorator_list)]): node for node in nodes
+    }
 
 
 _LOADED: dict[str, tuple[int, int]] = {}  # what files of kernels were when they were loaded
 
 
 def remember(function: FunctionType) -> None:
-    """Note what the file of a kernel is when it is loaded: later it may be another one than what runs."""
+    """Note what the file of a kernel is when it is loaded: later it may be another one than what
+    runs.
+    """
     file = function.__code__.co_filename
     if file not in _LOADED:
         _LOADED[file] = _state(file)
@@ -105,7 +111,14 @@ def _state(file: str) -> tuple[int, int]:
 def _is_still_there(code: CodeType) -> bool:
     """Whether the lines of a file that was edited still make the code that was loaded from it."""
     try:
-        waiting = [compile("".join(linecache.getlines(code.co_filename)), code.co_filename, "exec", dont_inherit=True)]
+        waiting = [
+            compile(
+                "".join(linecache.getlines(code.co_filename)),
+                code.co_filename,
+                "exec",
+                dont_inherit=True,
+            )
+        ]
     except SyntaxError:
         return False
     while waiting:
@@ -129,9 +142,11 @@ def source_of(function: FunctionType) -> Source:
 
 
 def fingerprint(function: FunctionType, *, portable: bool = False) -> bytes:
-    """What decides the code of a kernel and of those it may call: instructions, and the numbers that they name.
+    """What decides the code of a kernel and of those it may call: instructions, and the numbers
+    that they name.
 
-    A portable one has files in the place of instructions, of which every version of Python has its own.
+    A portable one has files in the place of instructions, of which every version of Python has its
+    own.
     """
     seen: dict[FunctionType, bytes] = {}
     waiting = [function]
@@ -144,7 +159,9 @@ def fingerprint(function: FunctionType, *, portable: bool = False) -> bytes:
             if portable:
                 seen[one] = seen[one].replace(_described(code).encode(), _digest(code.co_filename))
             else:
-                seen[one] += repr([line for _, _, line in code.co_lines()]).encode()  # debuggers show them
+                seen[one] += repr(
+                    [line for _, _, line in code.co_lines()]
+                ).encode()  # debuggers show them
     return b"".join(sorted(seen.values()))
 
 

@@ -1,4 +1,6 @@
-"""A kernel as a function in C, for one set of argument types: its branches, loops, returns and calls."""
+"""A kernel as a function in C, for one set of argument types: its branches, loops, returns and
+calls.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +13,17 @@ from typing import TYPE_CHECKING, Any
 from harpy_pin.errors import KernelError
 from harpy_pin.kernels.arrays import FUNCTIONS
 from harpy_pin.kernels.assignments import Assignments, stored
-from harpy_pin.kernels.blocks import Block, CFunction, Learnt, Line, Wider, drop_unused, mentions, place, render
+from harpy_pin.kernels.blocks import (
+    Block,
+    CFunction,
+    Learnt,
+    Line,
+    Wider,
+    drop_unused,
+    mentions,
+    place,
+    render,
+)
 from harpy_pin.kernels.expressions import LIBRARY, OF_TWO, kernel_of
 from harpy_pin.kernels.operators import SUM, Refused, refused, wider, wrap
 from harpy_pin.kernels.overlaps import stems, ways
@@ -37,7 +49,9 @@ if TYPE_CHECKING:
 RESULT = "result_"
 """The name of the memory that an array is returned in; no other name of C ends so."""
 SHORT = 3
-"""Rounds of a loop that is unrolled: on a microcontroller the condensed WBC takes 0.85 of the instructions."""
+"""Rounds of a loop that is unrolled: on a microcontroller the condensed WBC takes 0.85 of the
+instructions.
+"""
 
 
 def _unify(a: Type, b: Type) -> Type:
@@ -52,7 +66,9 @@ def _unify(a: Type, b: Type) -> Type:
 
 
 def translate(unit: Unit, source: Source, name: str, types: tuple[Type, ...]) -> CFunction:
-    """A kernel as one function for arguments of these types; a :class:`KernelError` says where it is refused."""
+    """A kernel as one function for arguments of these types; a :class:`KernelError` says where it
+    is refused.
+    """
     learnt = Learnt()
     while True:
         try:
@@ -62,15 +78,21 @@ def translate(unit: Unit, source: Source, name: str, types: tuple[Type, ...]) ->
 
 
 class _Translator(Assignments):
-    """Goes through the statements once; types that turn out too narrow are kept for the next attempt."""
+    """Goes through the statements once; types that turn out too narrow are kept for the next
+    attempt.
+    """
 
     def body(self, statements: list[ast.stmt]) -> bool:
-        """Statements one after the other; returns whether what follows them is never reached through them."""
+        """Statements one after the other; returns whether what follows them is never reached
+        through them.
+        """
         for statement in statements:
             if self.unit.lines:
                 self.path[-1].items.append(Line(statement.lineno, self.source.file))
             try:
-                left = getattr(self, f"_do_{type(statement).__name__.lower()}", self._unknown)(statement)
+                left = getattr(self, f"_do_{type(statement).__name__.lower()}", self._unknown)(
+                    statement
+                )
             except Refused as reason:
                 raise self.source.error(statement, str(reason)) from None
             if left or isinstance(statement, ast.Return | ast.Continue | ast.Break):
@@ -107,7 +129,9 @@ class _Translator(Assignments):
         if isinstance(value.type, Tuple):
             kind = self._returns(Tuple(tuple(item.type for item in value.items)))
             assert isinstance(kind, Tuple)
-            codes = [self.cast(item, to).code for item, to in zip(value.items, kind.items, strict=True)]  # type: ignore[arg-type]
+            codes = [
+                self.cast(item, to).code for item, to in zip(value.items, kind.items, strict=True)
+            ]  # type: ignore[arg-type]
             self.emit(f"return ({self.unit.result_type(kind)}){{{', '.join(codes)}}};")
             return
         if isinstance(value.type, Array):
@@ -121,9 +145,13 @@ class _Translator(Assignments):
     def _return_array(self, value: Value, shape: tuple[int | str, ...]) -> None:
         """An array goes to memory that the caller gives."""
         if not all(isinstance(size, int) for size in shape):
-            raise Refused("a result whose size is not known when compiling: give an array to be written")
+            raise Refused(
+                "a result whose size is not known when compiling: give an array to be written"
+            )
         kind = self._returns(Array.packed(REAL, shape))
-        self._fill(Value(kind, RESULT, roots=frozenset((RESULT,)), fields=frozenset((RESULT,))), value)
+        self._fill(
+            Value(kind, RESULT, roots=frozenset((RESULT,)), fields=frozenset((RESULT,))), value
+        )
         self.emit("return;")
 
     def _returns(self, kind: Type) -> Type:
@@ -145,29 +173,45 @@ class _Translator(Assignments):
         left = self._inside(self._block(f"if ({condition.code})"), statement.body)
         after = self.environment
         self.environment = dict(before)
-        left_otherwise = bool(statement.orelse) and self._inside(self._block("else"), statement.orelse)
+        left_otherwise = bool(statement.orelse) and self._inside(
+            self._block("else"), statement.orelse
+        )
         if not left:
             self.environment = after if left_otherwise else self._merge(after, self.environment)
         return left and left_otherwise
 
-    def _merge(self, a: dict[str, Value | None], b: dict[str, Value | None]) -> dict[str, Value | None]:
-        """What is known after two ways: a name that stands for two kinds of thing is known no more."""
+    def _merge(
+        self, a: dict[str, Value | None], b: dict[str, Value | None]
+    ) -> dict[str, Value | None]:
+        """What is known after two ways: a name that stands for two kinds of thing is known no
+        more.
+        """
         merged: dict[str, Value | None] = {}
         for name in a.keys() | b.keys():
             x, y = a.get(name), b.get(name)
             if name not in a or name not in b:
-                merged[name] = x if y is None else y  # assigned on one way only: a variable with a value all the same
+                merged[name] = (
+                    x if y is None else y
+                )  # assigned on one way only: a variable with a value all the same
             else:
-                merged[name] = x if x is not None and y is not None and (x.code, x.type) == (y.code, y.type) else None
+                merged[name] = (
+                    x
+                    if x is not None and y is not None and (x.code, x.type) == (y.code, y.type)
+                    else None
+                )
         return merged
 
     def _enter(self, statement: ast.For | ast.While) -> None:
-        """Before a loop: a name that stands for another kind of thing in the next round is known no more."""
+        """Before a loop: a name that stands for another kind of thing in the next round is known no
+        more.
+        """
         for name in self.learnt.unsettled.get(statement.lineno, ()):
             self.environment[name] = None
 
     def _loop(self, block: Block, statement: ast.For | ast.While) -> None:
-        """A block that may be gone through again: names must stand for the same kind of thing then."""
+        """A block that may be gone through again: names must stand for the same kind of thing
+        then.
+        """
         before, work = dict(self.environment), len(self.work)
         self.jumps.append([])
         left = self._inside(block, statement.body)
@@ -175,7 +219,9 @@ class _Translator(Assignments):
         after = before
         for end in ends:
             after = self._merge(after, end)
-        changed = {name for name, value in before.items() if value is not None and after[name] is None}
+        changed = {
+            name for name, value in before.items() if value is not None and after[name] is None
+        }
         if changed:
             self.learnt.unsettled.setdefault(statement.lineno, set()).update(changed)
             raise Wider
@@ -190,7 +236,9 @@ class _Translator(Assignments):
         self._enter(statement)
         condition = self.inline(self.truth, statement.test)
         self._loop(self._block(f"while ({condition.code})", loop=True), statement)
-        return condition.constant is True and not any(isinstance(node, ast.Break) for node in ast.walk(statement))
+        return condition.constant is True and not any(
+            isinstance(node, ast.Break) for node in ast.walk(statement)
+        )
 
     def _do_continue(self, _: ast.Continue) -> None:
         self.jumps[-1].append(dict(self.environment))
@@ -206,7 +254,11 @@ class _Translator(Assignments):
         name = statement.target.id
         own = self.unit.identifier(name) if name != "_" else self.fresh("round")
         call = statement.iter
-        ranged = isinstance(call, ast.Call) and isinstance(call.func, ast.Name) and call.func.id == "range"
+        ranged = (
+            isinstance(call, ast.Call)
+            and isinstance(call.func, ast.Name)
+            and call.func.id == "range"
+        )
         before = self.environment.get(name)
         if name != "_" and name in stored(statement.body):
             raise Refused(f"'{name}', which its loop changes")
@@ -241,7 +293,9 @@ class _Translator(Assignments):
             rounds = len(range(int(begin.constant), int(end.constant), step))
             if rounds == 0:
                 return None
-        if end.constant is None and (end.volatile or "(" in end.code or self._assigned_in(end.code, body)):
+        if end.constant is None and (
+            end.volatile or "(" in end.code or self._assigned_in(end.code, body)
+        ):
             end = self.keep(f"{own}_end", end)
         sign = "<" if step > 0 else ">"
         advance = f"{own}++" if step == 1 else f"{own}--" if step == -1 else f"{own} += {step}"
@@ -252,7 +306,9 @@ class _Translator(Assignments):
         """A loop over a tuple: its items go into an array first."""
         items = self.expression(node)
         if not isinstance(items.type, Tuple) or items.type.uniform is None:
-            raise Refused("a loop over something that is neither range() nor a tuple of numbers of one type")
+            raise Refused(
+                "a loop over something that is neither range() nor a tuple of numbers of one type"
+            )
         values = self.fresh(f"{own}_values")
         count = len(items.items)
         codes = ", ".join(item.code for item in items.items)
@@ -266,7 +322,9 @@ class _Translator(Assignments):
     def _assigned_in(self, code: str, body: list[ast.stmt]) -> bool:
         return any(mentions(code, self.unit.identifier(name)) for name in stored(body))
 
-    def __init__(self, unit: Unit, source: Source, name: str, types: tuple[Type, ...], learnt: Learnt) -> None:
+    def __init__(
+        self, unit: Unit, source: Source, name: str, types: tuple[Type, ...], learnt: Learnt
+    ) -> None:
         super().__init__(unit, source, name, learnt)
         for parameter, kind in zip(source.parameters, types, strict=True):
             self.environment[parameter] = self._parameter(parameter, kind)
@@ -275,7 +333,9 @@ class _Translator(Assignments):
         """Translate it."""
         function, root = self.function, self.path[0]
         if not self.body(self.source.tree.body) and self.result not in ([], [NOTHING]):
-            raise self.source.error(self.source.tree.body[-1], "the end may be reached, where there is no result")
+            raise self.source.error(
+                self.source.tree.body[-1], "the end may be reached, where there is no result"
+            )
         drop_unused(root, self.variables, self.unit.is_pure)
         for variable in self.variables.values():
             place(variable)
@@ -290,12 +350,17 @@ class _Translator(Assignments):
                 parameters.append(self.unit.declare(kind, self.unit.identifier(name)))
             if isinstance(kind, Array):
                 parameters += [f"integer {size}" for size in kind.sizes if size in function.sizes]
-        own = [self.unit.identifier(name) for name, kind in function.parameters if not isinstance(kind, Fixed)]
+        own = [
+            self.unit.identifier(name)
+            for name, kind in function.parameters
+            if not isinstance(kind, Fixed)
+        ]
         silent = [f"    (void){name};" for name in own if not mentions(text, name)]
         if isinstance(function.result, Array):
             parameters.append(self.unit.declare(function.result, RESULT))
         function.head = (
-            f"static {self.unit.result_type(function.result)} {function.name}({', '.join(parameters) or 'void'})"
+            f"static {self.unit.result_type(function.result)} "
+            f"{function.name}({', '.join(parameters) or 'void'})"
         )
         comment = self.unit.comment(self.source.docstring)
         line = [str(Line(self.source.tree.lineno, self.source.file))] if self.unit.lines else []
@@ -318,14 +383,19 @@ class _Translator(Assignments):
         self.function.parameters.append((name, kind))
         if isinstance(kind, Fixed):
             if self.stores[name]:
-                raise KernelError(f"{self.source.name} changes '{name}', a truth value that is known when compiling")
+                raise KernelError(
+                    f"{self.source.name} changes '{name}', a truth value that is known when "
+                    f"compiling"
+                )
             return self.constant(kind.value)
         if isinstance(kind, Array) and kind.empty:
             return Value(kind, own, roots=frozenset((name,)), fields=frozenset((name,)))
         volatile = isinstance(kind, Scalar) and self.stores[name] > 0
         if volatile:
             self.numbers.add(own)
-        return Value(kind, own, roots=frozenset((name,)), fields=frozenset((name,)), volatile=volatile)
+        return Value(
+            kind, own, roots=frozenset((name,)), fields=frozenset((name,)), volatile=volatile
+        )
 
     def _name(self, node: ast.Name) -> Value:
         """What a name stands for: a variable, or what the kernel's module knows by it."""
@@ -352,18 +422,24 @@ class _Translator(Assignments):
         if kernel_of(function) is not None:
             if None in names:
                 raise refused(node, ": **")
-            packed = self._tuple(ast.Tuple([*node.args, *(keyword.value for keyword in node.keywords)], ast.Load()))
+            packed = self._tuple(
+                ast.Tuple([*node.args, *(keyword.value for keyword in node.keywords)], ast.Load())
+            )
             arguments = list(packed.items)
             first = len(arguments) - len(names)
             return self._call_kernel(
-                function, arguments[:first], dict(zip(map(str, names), arguments[first:], strict=True))
+                function,
+                arguments[:first],
+                dict(zip(map(str, names), arguments[first:], strict=True)),
             )
         if not any(function is one for one in (*LIBRARY, *FUNCTIONS)):
             raise refused(node.func, " is no kernel and none of the functions that kernels have")
         if names:
             raise refused(node, ": arguments by name")
         if function in FUNCTIONS:
-            return self.of_arrays(function, self.ordered([_as_tuples(argument) for argument in node.args]))
+            return self.of_arrays(
+                function, self.ordered([_as_tuples(argument) for argument in node.args])
+            )
         arguments = list(self._tuple(ast.Tuple(node.args, ast.Load())).items)
         extreme = function in (builtins.min, builtins.max)
         count = 2 if extreme or function in OF_TWO else 1
@@ -372,14 +448,18 @@ class _Translator(Assignments):
         return self.elementwise(lambda *numbers: self._library(function, list(numbers)), *arguments)
 
     def _call_kernel(self, kernel: Any, arguments: list[Value], named: dict[str, Value]) -> Value:
-        """The call of another kernel, which is translated for these types if it has not been yet."""
+        """The call of another kernel, which is translated for these types if it has not been
+        yet.
+        """
         source = source_of(kernel.py_func)
         given = dict(zip(source.parameters, arguments, strict=False)) | named
         for name, default in source.defaults.items():
             if name not in given:
                 given[name] = self.constant(default)
         if given.keys() != set(source.parameters) or len(arguments) > len(source.parameters):
-            raise Refused(f"a call of {source.name} with other arguments than {', '.join(source.parameters)}")
+            raise Refused(
+                f"a call of {source.name} with other arguments than {', '.join(source.parameters)}"
+            )
         values = [given[name] for name in source.parameters]
         values = [value if value.rule is None else self.in_memory(value) for value in values]
         called = self.unit.function_for(kernel, tuple(self._passed(value) for value in values))
@@ -395,13 +475,21 @@ class _Translator(Assignments):
                 self._writes(value)
             if isinstance(kind, Array):
                 assert isinstance(value.type, Array)
-                actual = dict(zip((*kind.shape, *kind.strides), (*value.type.shape, *value.type.strides), strict=True))
+                actual = dict(
+                    zip(
+                        (*kind.shape, *kind.strides),
+                        (*value.type.shape, *value.type.strides),
+                        strict=True,
+                    )
+                )
                 codes += [str(actual[size]) for size in kind.sizes if size in called.sizes]
         self._keep_apart(called, dict(zip(source.parameters, values, strict=True)))
         if isinstance(called.result, Array):
             made = self.space("result", called.result.shape)
             self.emit(f"{called.name}({', '.join([*codes, made.code])});")
-            return replace(made, rule=lambda indices: self.element(made, indices), reads=((made, True),))
+            return replace(
+                made, rule=lambda indices: self.element(made, indices), reads=((made, True),)
+            )
         code = f"{called.name}({', '.join(codes)})"
         if isinstance(called.result, Tuple):
             own = self.fresh("result")
@@ -412,11 +500,16 @@ class _Translator(Assignments):
         return Value(called.result, code, volatile=True)
 
     def _keep_apart(self, called: CFunction, given: dict[str, Value]) -> None:
-        """Refuse a call that writes what it reads afterwards; of own parameters callers have to see to it."""
+        """Refuse a call that writes what it reads afterwards; of own parameters callers have to see
+        to it.
+        """
         for pair in called.apart:
             written, read = (ways(way, given) for way in pair)
             if stems(written) & stems(read):
-                raise Refused(f"a call of {called.name} that writes to '{pair[0]}' what it reads as '{pair[1]}'")
+                raise Refused(
+                    f"a call of {called.name} that writes to '{pair[0]}' what it reads as "
+                    f"'{pair[1]}'"
+                )
             self.function.apart |= set(product(written, read))
 
     @staticmethod
@@ -432,7 +525,9 @@ class _Translator(Assignments):
 def _as_tuples(node: ast.expr) -> ast.expr:
     """Lists as tuples, for ``np.array``."""
     if isinstance(node, ast.List):
-        return ast.copy_location(ast.Tuple([_as_tuples(item) for item in node.elts], ast.Load()), node)
+        return ast.copy_location(
+            ast.Tuple([_as_tuples(item) for item in node.elts], ast.Load()), node
+        )
     return node
 
 

@@ -1,7 +1,8 @@
 """What a value of a kernel can be, how its type is written in C, and which C struct a record is.
 
-A kernel knows numbers (``real``, ``integer``, ``boolean``), arrays of numbers or of records, records, and tuples of
-these. Arrays are row-major; sizes that are known when the kernel is compiled are constants of the type.
+A kernel knows numbers (``real``, ``integer``, ``boolean``), arrays of numbers or of records,
+records, and tuples of these. Arrays are row-major; sizes that are known when the kernel is compiled
+are constants of the type.
 """
 
 from __future__ import annotations
@@ -35,7 +36,9 @@ KINDS = {"?": BOOLEAN, "l": INTEGER, "q": INTEGER, "d": REAL, "f": SINGLE}
 
 
 class ByPrecision(float):
-    """A constant of a kernel's module that is another number where kernels compute in ``single`` precision."""
+    """A constant of a kernel's module that is another number where kernels compute in ``single``
+    precision.
+    """
 
     def __new__(cls, double: float, *, single: float) -> ByPrecision:
         """The number itself is that in double precision."""
@@ -62,8 +65,12 @@ NOTHING = Nothing()
 class Struct:
     """A record."""
 
-    dtype: np.dtype[Any] = field(compare=True)  # NumPy's, aligned, so that its layout is that of a C struct
-    name: str = field(compare=False, default="record")  # of the argument or field that it was first met as
+    dtype: np.dtype[Any] = field(
+        compare=True
+    )  # NumPy's, aligned, so that its layout is that of a C struct
+    name: str = field(
+        compare=False, default="record"
+    )  # of the argument or field that it was first met as
 
     def __repr__(self) -> str:
         return f"{self.name}{_text(self.dtype)}"
@@ -79,7 +86,9 @@ class Array:
 
     element: Scalar | Struct  # of what
     shape: tuple[int | str, ...]  # sizes; a string is an expression in C, known at run time only
-    strides: tuple[int | str, ...]  # distance of neighbours along each axis, in elements; a string like that of a shape
+    strides: tuple[
+        int | str, ...
+    ]  # distance of neighbours along each axis, in elements; a string like that of a shape
 
     @classmethod
     def packed(cls, element: Scalar | Struct, shape: tuple[int | str, ...]) -> Array:
@@ -107,25 +116,36 @@ class Array:
         shape = tuple(n if isinstance(n, int) else "" for n in self.shape)
         if self.is_packed:
             return Array.packed(self.element, shape)
-        return Array(self.element, shape, tuple(n if isinstance(n, int) else "?" for n in self.strides))
+        return Array(
+            self.element, shape, tuple(n if isinstance(n, int) else "?" for n in self.strides)
+        )
 
     def named(self, own: str) -> Array:
         """The type with names for what is known at run time, as parameters of a function."""
         if len(self.shape) > len(AXES):
             raise KernelError(f"'{own}' has {len(self.shape)} axes, more than kernels pass on")
         axes = ("size",) if len(self.shape) == 1 else AXES[: len(self.shape)]
-        shape = tuple(n if isinstance(n, int) else f"{own}_{axis}" for n, axis in zip(self.shape, axes, strict=True))
+        shape = tuple(
+            n if isinstance(n, int) else f"{own}_{axis}"
+            for n, axis in zip(self.shape, axes, strict=True)
+        )
         if self.is_packed:
             return Array.packed(self.element, shape)
         strides = zip(self.strides, axes, strict=True)
         return Array(
-            self.element, shape, tuple(n if isinstance(n, int) else f"{own}_{axis}_step" for n, axis in strides)
+            self.element,
+            shape,
+            tuple(n if isinstance(n, int) else f"{own}_{axis}_step" for n, axis in strides),
         )
 
     @property
     def sizes(self) -> list[str]:
         """Names of its sizes that are known at run time only."""
-        return list(dict.fromkeys(n for n in (*self.shape, *self.strides) if isinstance(n, str) and n.isidentifier()))
+        return list(
+            dict.fromkeys(
+                n for n in (*self.shape, *self.strides) if isinstance(n, str) and n.isidentifier()
+            )
+        )
 
 
 @dataclass(frozen=True)
@@ -138,7 +158,11 @@ class Tuple:
     def uniform(self) -> Scalar | None:
         """The type of all its items where they are numbers of one type."""
         first = self.items[0] if self.items else None
-        return first if isinstance(first, Scalar) and all(item == first for item in self.items) else None
+        return (
+            first
+            if isinstance(first, Scalar) and all(item == first for item in self.items)
+            else None
+        )
 
 
 @dataclass(frozen=True)
@@ -163,18 +187,25 @@ class Value:
     """An expression of a kernel."""
 
     type: Type  # what it is
-    code: str = ""  # in C. Of an array the address of its first element; of a record the address of it.
-    binding: int = 100  # how tightly the outermost operator of the code binds, see :mod:`harpy_pin.kernels.operators`
+    code: str = (
+        ""  # in C. Of an array the address of its first element; of a record the address of it.
+    )
+    # how tightly the outermost operator of the code binds, see :mod:`harpy_pin.kernels.operators`
+    binding: int = 100
     constant: int | float | bool | None = None  # the number, where it is known when compiling
     items: tuple[Value, ...] = ()  # of a tuple
     roots: frozenset[str] = frozenset()  # names of the arguments whose memory it is
-    # the same with the ways through records, p.tree.axes; a + where it may be a part of that only, such as some rows,
+    # the same with the ways through records, p.tree.axes; a + where it may be a part of that only,
+    # such as some rows,
     # and the first index of the part if it is known; nothing where no way is known
     fields: frozenset[str] = frozenset()
-    volatile: bool = False  # whether the code reads memory, so that its value depends on when it is evaluated
+    volatile: bool = (
+        False  # whether the code reads memory, so that its value depends on when it is evaluated
+    )
     # of an array that is computed (:mod:`harpy_pin.kernels.arrays`): the element with some indices
     rule: Callable[[Sequence[Value]], Value] | None = None
-    # and the arrays in memory that it reads, with whether only the element with the same indices is read
+    # and the arrays in memory that it reads, with whether only the element with the same indices is
+    # read
     reads: tuple[tuple[Value, bool], ...] = ()
 
 
@@ -206,10 +237,14 @@ def _fields(dtype: np.dtype[Any]) -> dict[str, Type]:
 
 
 def element_of(dtype: np.dtype[Any], name: str) -> Scalar | Struct:
-    """What the elements of an array of this type are; a :class:`KernelError` where a kernel has no such numbers."""
+    """What the elements of an array of this type are; a :class:`KernelError` where a kernel has no
+    such numbers.
+    """
     if dtype.names is not None:
         return Struct(dtype, name)
     kind = KINDS.get(dtype.char)
     if kind is None or (kind is INTEGER and dtype.itemsize != 8) or not dtype.isnative:
-        raise KernelError(f"a kernel knows float64, float32, int64 and bool, not {dtype} ('{name}')")
+        raise KernelError(
+            f"a kernel knows float64, float32, int64 and bool, not {dtype} ('{name}')"
+        )
     return kind

@@ -1,4 +1,6 @@
-"""A file of C: the functions that a kernel needs, one struct for each record, the constants by name."""
+"""A file of C: the functions that a kernel needs, one struct for each record, the constants by
+name.
+"""
 
 from __future__ import annotations
 
@@ -19,23 +21,29 @@ from harpy_pin.kernels.source import source_of
 from harpy_pin.kernels.statements import translate
 from harpy_pin.kernels.types import Array, Nothing, Struct, Tuple, Type
 
-KEYWORDS = """auto break case char const continue default do double else enum extern float for goto if inline int long
-register restrict return short signed sizeof static struct switch typedef union unsigned void volatile while bool true
-false integer real inside within slot isfinite isnan"""
+KEYWORDS = """auto break case char const continue default do double else enum extern float for
+goto if inline int long register restrict return short signed sizeof static struct switch typedef
+union unsigned void volatile while bool true false integer real inside within slot isfinite isnan"""
 MATHEMATICS = "sqrt sin cos tanh exp atan2 acos hypot copysign floor ceil fabs pow fmod rint"
-RESERVED = frozenset([*KEYWORDS.split(), *MATHEMATICS.split(), *(f"{name}f" for name in MATHEMATICS.split())])
+RESERVED = frozenset(
+    [*KEYWORDS.split(), *MATHEMATICS.split(), *(f"{name}f" for name in MATHEMATICS.split())]
+)
 """Words of C, and what generated code calls: no variable and no function may have such a name."""
-FUNCTIONS = """acosh asin asinh atan atanh cbrt cosh erf erfc exp2 expm1 fdim fma fmax fmin fpclassify frexp gamma ilogb
-isgreater isinf isless isnormal isunordered j0 j1 jn ldexp lgamma llrint llround log log10 log1p log2 logb lrint lround
-modf nan nearbyint nextafter nexttoward remainder remquo round scalb scalbln scalbn signbit significand sinh tan tgamma
-trunc y0 y1 yn abort abs atexit atof bsearch calloc div exit free getenv index labs ldiv llabs malloc memcpy memmove
-memset mktemp printf puts qsort rand random read realloc remove rename rindex signal srand strtod system time write
-entry main signature"""
+FUNCTIONS = """acosh asin asinh atan atanh cbrt cosh erf erfc exp2 expm1 fdim fma fmax fmin
+fpclassify frexp gamma ilogb isgreater isinf isless isnormal isunordered j0 j1 jn ldexp lgamma
+llrint llround log log10 log1p log2 logb lrint lround modf nan nearbyint nextafter nexttoward
+remainder remquo round scalb scalbln scalbn signbit significand sinh tan tgamma trunc y0 y1 yn
+abort abs atexit atof bsearch calloc div exit free getenv index labs ldiv llabs malloc memcpy
+memmove memset mktemp printf puts qsort rand random read realloc remove rename rindex signal srand
+strtod system time write entry main signature"""
 ELSEWHERE = frozenset(FUNCTIONS.split())
 """Functions of C's library: no function may have such a name."""
 _TEXT = Path(__file__).with_name("helpers.c").read_text(encoding="utf-8")
 HELPERS = {
-    name: text for text, name in re.findall(r"^(static inline \w+ (\w+)\(.*?^\})$", _TEXT, re.DOTALL | re.MULTILINE)
+    name: text
+    for text, name in re.findall(
+        r"^(static inline \w+ (\w+)\(.*?^\})$", _TEXT, re.DOTALL | re.MULTILINE
+    )
 }
 """Functions of C that generated code calls, by name."""
 PART = 32_000
@@ -54,7 +62,8 @@ def in_part(number: int | str) -> str:
 class Unit:
     """C being written."""
 
-    single: bool = False  # whether real numbers are floats, and integers of 32 bits; otherwise doubles and 64 bits
+    # whether real numbers are floats, and integers of 32 bits; otherwise doubles and 64 bits
+    single: bool = False
     debug: bool = False  # whether every index is checked when it is used
     lines: bool = False  # whether it names the lines of Python that it comes from, for debuggers
     prefix: str = ""  # of the names of structs
@@ -99,7 +108,11 @@ class Unit:
 
     def helper(self, name: str) -> str:
         """One of :data:`HELPERS`, from now on a part of the file."""
-        text = HELPERS[name].replace("$fmod", self.function("fmod")).replace("$copysign", self.function("copysign"))
+        text = (
+            HELPERS[name]
+            .replace("$fmod", self.function("fmod"))
+            .replace("$copysign", self.function("copysign"))
+        )
         self.helpers.setdefault(name, text)
         return name
 
@@ -111,7 +124,9 @@ class Unit:
         return f"{name}f" if self.single else name
 
     def identifier(self, name: str) -> str:
-        """A name as C takes it; names in capitals are those of constants, and two names stay two."""
+        """A name as C takes it; names in capitals are those of constants, and two names stay
+        two.
+        """
         return f"{name}_" if name in RESERVED or name.isupper() or name.endswith("_") else name
 
     def is_pure(self, code: str) -> bool:
@@ -123,14 +138,20 @@ class Unit:
         if isinstance(kind, Nothing | Array):
             return "void"
         if isinstance(kind, Tuple):
-            letters = "".join({"real": "r", "integer": "i", "bool": "b"}[str(item)] for item in kind.items)
+            letters = "".join(
+                {"real": "r", "integer": "i", "bool": "b"}[str(item)] for item in kind.items
+            )
             return self.results.setdefault(kind, f"results_{letters}")
         return str(kind)
 
     def declare(self, kind: Type, name: str) -> str:
         """A declaration of a name."""
         if isinstance(kind, Array):
-            element = f"struct {self.struct(kind.element)}" if isinstance(kind.element, Struct) else kind.element
+            element = (
+                f"struct {self.struct(kind.element)}"
+                if isinstance(kind.element, Struct)
+                else kind.element
+            )
             return f"{element} *{name}"
         if isinstance(kind, Struct):
             return f"struct {self.struct(kind)} *{name}"
@@ -139,7 +160,10 @@ class Unit:
     def struct(self, record: Struct) -> str:
         """The name of a record's struct."""
         if record.dtype not in self.structs:
-            parts = (kind.element if isinstance(kind, Array) else kind for kind in record.fields().values())
+            parts = (
+                kind.element if isinstance(kind, Array) else kind
+                for kind in record.fields().values()
+            )
             for kind in parts:
                 if isinstance(kind, Struct):
                     self.struct(kind)  # before this one
@@ -166,10 +190,13 @@ class Unit:
         return "\n\n".join(parts)
 
     def code(self, *, apart: bool = False) -> str:
-        """Constants, helpers and functions; ``apart`` in parts for as many compilers (:meth:`_parts`)."""
+        """Constants, helpers and functions; ``apart`` in parts for as many compilers
+        (:meth:`_parts`).
+        """
         constants = "\n".join(f"#define {name} {value}" for name, value in self.constants.items())
         results = "\n".join(
-            f"typedef struct {{ {' '.join(f'{item} v{n};' for n, item in enumerate(kind.items))} }} {name};"
+            f"typedef struct "
+            f"{{ {' '.join(f'{item} v{n};' for n, item in enumerate(kind.items))} }} {name};"
             for kind, name in self.results.items()
         )
         parts = [constants, results, *self.helpers.values()]
@@ -177,17 +204,24 @@ class Unit:
         return "\n\n".join(part for part in parts if part)
 
     def _parts(self) -> list[str]:
-        """Functions in parts of about equal length: a compiler makes that one whose number ``PART`` is.
+        """Functions in parts of about equal length: a compiler makes that one whose number ``PART``
+        is.
 
-        Short functions are in every part that calls them; longer ones are in one, and the others call them there.
+        Short functions are in every part that calls them; longer ones are in one, and the others
+        call them there.
         """
         functions = list(self.functions.values())
         ends = list(accumulate(len(function.text) for function in functions))
         count = 1 + ends[-1] // PART
         if count == 1:
             return [function.text for function in functions]
-        middles = [end - len(function.text) // 2 for function, end in zip(functions, ends, strict=True)]
-        part = {function.name: n * count // ends[-1] for function, n in zip(functions, middles, strict=True)}
+        middles = [
+            end - len(function.text) // 2 for function, end in zip(functions, ends, strict=True)
+        ]
+        part = {
+            function.name: n * count // ends[-1]
+            for function, n in zip(functions, middles, strict=True)
+        }
         called: dict[str, set[int]] = {name: set() for name in part}
         heads, texts = [], []
         for function in reversed(functions):  # callers before what they call
@@ -204,7 +238,13 @@ class Unit:
 
     def header(self) -> str:
         """What the file includes."""
-        names = ["math.h", "stdbool.h", "stddef.h", "stdint.h", *(("stdio.h", "stdlib.h") if self.debug else ())]
+        names = [
+            "math.h",
+            "stdbool.h",
+            "stddef.h",
+            "stdint.h",
+            *(("stdio.h", "stdlib.h") if self.debug else ()),
+        ]
         return "\n".join(f"#include <{name}>" for name in names)
 
     def _struct_text(self, dtype: np.dtype[Any], name: str) -> str:
@@ -217,9 +257,16 @@ class Unit:
                 continue
             if kind.empty:
                 continue
-            element = f"struct {self.struct(kind.element)}" if isinstance(kind.element, Struct) else str(kind.element)
+            element = (
+                f"struct {self.struct(kind.element)}"
+                if isinstance(kind.element, Struct)
+                else str(kind.element)
+            )
             shape = f"  /* {kind.shape} */" if len(kind.shape) > 1 else ""
-            lines.append(f"    {element} {own}[{math.prod(n for n in kind.shape if isinstance(n, int))}];{shape}")
+            lines.append(
+                f"    {element} "
+                f"{own}[{math.prod(n for n in kind.shape if isinstance(n, int))}];{shape}"
+            )
         return "\n".join([*lines, "};"])
 
     @staticmethod

@@ -37,20 +37,23 @@ Signals = dict[str, Vector]
 
 @checked
 def read_log(path: str | Path, robot: Robot) -> Signals:
-    """The sensors of a log, a row for each sample, by the names of :class:`~harpy_pin.estimation.readings.Readings`.
+    """The sensors of a log, a row for each sample, by the names of
+    :class:`~harpy_pin.estimation.readings.Readings`.
 
-    ``q`` (nq,) and ``v`` (nv,) are the truth where the log has it. An npz, such as :meth:`Run.save` writes, has arrays
-    of these names; a CSV has columns ``t``, ``gyroscope/x``, ``joint_position/FL_hip_joint`` or
-    ``joint_position/0``, as :meth:`Run.to_csv` names them. An MCAP (extra ``mcap``) has messages like
-    ``sensor_msgs/JointState``, ``Imu`` and ``nav_msgs/Odometry``, of ROS 2 or in JSON, on any topics; the inertial
-    unit's are interpolated to the times of the joints.
+    ``q`` (nq,) and ``v`` (nv,) are the truth where the log has it. An npz, such as :meth:`Run.save`
+    writes, has arrays of these names; a CSV has columns ``t``, ``gyroscope/x``,
+    ``joint_position/FL_hip_joint`` or ``joint_position/0``, as :meth:`Run.to_csv` names them. An
+    MCAP (extra ``mcap``) has messages like ``sensor_msgs/JointState``, ``Imu`` and
+    ``nav_msgs/Odometry``, of ROS 2 or in JSON, on any topics; the inertial unit's are interpolated
+    to the times of the joints.
 
     Args:
         path: of the file; its ending says which.
         robot: whose joints they are.
 
     Raises:
-        InputError: the file cannot be read, or something in it is missing or in another unit; the message says what.
+        InputError: the file cannot be read, or something in it is missing or in another unit; the
+            message says what.
     """
     source = checks.path("path", path)
     readers = {".csv": _read_csv, ".npz": _read_npz, ".mcap": _read_mcap}
@@ -66,7 +69,11 @@ def read_log(path: str | Path, robot: Robot) -> Signals:
 
 def _read_npz(path: Path, robot: Robot) -> Signals:
     with np.load(path, allow_pickle=False) as file:
-        return {name: np.asarray(file[name], float) for name in file.files if file[name].dtype.kind in "fiub"}
+        return {
+            name: np.asarray(file[name], float)
+            for name in file.files
+            if file[name].dtype.kind in "fiub"
+        }
 
 
 def _read_csv(path: Path, robot: Robot) -> Signals:
@@ -108,7 +115,9 @@ def _read_mcap(path: Path, robot: Robot) -> Signals:
         from mcap.reader import make_reader
         from mcap_ros2.decoder import DecoderFactory
     except ImportError as error:
-        raise InputError(f"mcap cannot be imported ({error}): {install_line('mcap')}", name="mcap") from error
+        raise InputError(
+            f"mcap cannot be imported ({error}): {install_line('mcap')}", name="mcap"
+        ) from error
     joints, inertial, truth = list[Any](), list[Any](), list[Any]()
     with path.open("rb") as file:
         decoders: list[Any] = [_Json(), DecoderFactory()]
@@ -121,27 +130,44 @@ def _read_mcap(path: Path, robot: Robot) -> Signals:
                 order = [content.name.index(joint) for joint in robot.joints]
                 parts = content.position, content.velocity, content.effort
                 joints.append(
-                    (t, *(np.array(part)[order] if len(part) else np.full(len(order), np.nan) for part in parts))
+                    (
+                        t,
+                        *(
+                            np.array(part)[order] if len(part) else np.full(len(order), np.nan)
+                            for part in parts
+                        ),
+                    )
                 )
             elif kind == "Imu":
-                inertial.append((t, _xyz(content.angular_velocity), _xyz(content.linear_acceleration)))
+                inertial.append(
+                    (t, _xyz(content.angular_velocity), _xyz(content.linear_acceleration))
+                )
             elif kind == "Odometry":
                 pose, twist = content.pose.pose, content.twist.twist
                 turn = [getattr(pose.orientation, axis) for axis in "xyzw"]
-                truth.append((t, [*_xyz(pose.position), *turn], [*_xyz(twist.linear), *_xyz(twist.angular)]))
+                truth.append(
+                    (t, [*_xyz(pose.position), *turn], [*_xyz(twist.linear), *_xyz(twist.angular)])
+                )
     found: Signals = {}
     if joints:
         t, *legs = (np.array(column, float) for column in zip(*joints, strict=True))
-        found = {"t": t, **dict(zip(("joint_position", "joint_velocity", "joint_torque"), legs, strict=True))}
+        found = {
+            "t": t,
+            **dict(zip(("joint_position", "joint_velocity", "joint_torque"), legs, strict=True)),
+        }
         found = {name: values for name, values in found.items() if not np.isnan(values).all()}
     for rows, names in ((inertial, ("gyroscope", "accelerometer")), (truth, ("q", "v"))):
         if rows and joints:
             times, *values = (np.array(column, float) for column in zip(*rows, strict=True))
             for name, value in zip(names, values, strict=True):
-                found[name] = np.column_stack([np.interp(found["t"], times, column) for column in value.T])
+                found[name] = np.column_stack(
+                    [np.interp(found["t"], times, column) for column in value.T]
+                )
     if "q" in found:
         found["q"] = np.hstack([found["q"], found["joint_position"]])
-        found["v"] = np.hstack([found["v"], found.get("joint_velocity", 0.0 * found["joint_position"])])
+        found["v"] = np.hstack(
+            [found["v"], found.get("joint_velocity", 0.0 * found["joint_position"])]
+        )
     return found
 
 
@@ -164,18 +190,25 @@ def _checked(found: Signals, robot: Robot) -> Signals:
         found.pop("foot_force", None)
     for name in ("t", "gyroscope", "accelerometer", "joint_position"):
         if name not in found:
-            raise InputError(f"the log has no {name}; it has {', '.join(sorted(found)) or 'nothing'}", name=name)
+            raise InputError(
+                f"the log has no {name}; it has {', '.join(sorted(found)) or 'nothing'}", name=name
+            )
     t, joints = found["t"], len(robot.joints)
     steps = np.diff(t)
     if len(t) < 2 or not np.isfinite(t).all() or (steps <= 0.0).any():
         raise InputError("the log's t must be finite and go on from row to row", name="t", value=t)
     if np.median(steps) > SLOW:
-        raise InputError(f"the log's t goes on by {np.median(steps):g}: it must be in s, not ms or ns", name="t")
+        raise InputError(
+            f"the log's t goes on by {np.median(steps):g}: it must be in s, not ms or ns", name="t"
+        )
     if "joint_velocity" not in found:
         found["joint_velocity"] = np.gradient(found["joint_position"], t, axis=0)
     if not found["joint_torque"].size:
         if "foot_force" not in found:
-            raise InputError("the log has neither joint_torque nor foot_force: which feet stand?", name="joint_torque")
+            raise InputError(
+                "the log has neither joint_torque nor foot_force: which feet stand?",
+                name="joint_torque",
+            )
         found["joint_torque"] = np.zeros((len(t), joints))
     sizes = {
         "gyroscope": 3,
@@ -192,23 +225,34 @@ def _checked(found: Signals, robot: Robot) -> Signals:
     for name in sizes.keys() & found.keys():
         values = found[name].reshape(len(found[name]), -1)
         if values.shape != (len(t), sizes[name]):
-            message = f"the log's {name} must be ({len(t)}, {sizes[name]}) for '{robot.name}', got {found[name].shape}"
+            message = (
+                f"the log's {name} must be ({len(t)}, {sizes[name]}) for '{robot.name}', got "
+                f"{found[name].shape}"
+            )
             raise InputError(message, name=name)
         kept[name] = np.ascontiguousarray(values)
     felt = float(np.linalg.norm(np.nanmean(kept["accelerometer"][:BEGIN], axis=0)))
     if not 0.8 * GRAVITY < felt < 1.2 * GRAVITY:
-        raise InputError(f"the log's accelerometer begins at {felt:.3g} and not 9.81 m/s²: in g?", name="accelerometer")
+        raise InputError(
+            f"the log's accelerometer begins at {felt:.3g} and not 9.81 m/s²: in g?",
+            name="accelerometer",
+        )
     if np.nanmax(np.abs(kept["joint_position"])) > TURNS:
-        raise InputError("the log's joint_position is beyond two turns: it must be in rad", name="joint_position")
+        raise InputError(
+            "the log's joint_position is beyond two turns: it must be in rad", name="joint_position"
+        )
     return kept
 
 
 @checked
-def estimate_log(signals: Signals, robot: Robot, imu: Imu | None = None) -> tuple[Run, dict[str, Any]]:
+def estimate_log(
+    signals: Signals, robot: Robot, imu: Imu | None = None
+) -> tuple[Run, dict[str, Any]]:
     """The estimate on a log, as a run, and what is to be said of it.
 
-    The run's ``q`` and ``v`` are the truth where the log has it, else the estimate; the estimate is in
-    ``estimated_q``, ``estimated_v`` and further signals of :class:`~harpy_pin.estimation.estimator.Estimator`.
+    The run's ``q`` and ``v`` are the truth where the log has it, else the estimate; the estimate is
+    in ``estimated_q``, ``estimated_v`` and further signals of
+    :class:`~harpy_pin.estimation.estimator.Estimator`.
 
     Args:
         signals: of :func:`read_log`.
@@ -216,15 +260,17 @@ def estimate_log(signals: Signals, robot: Robot, imu: Imu | None = None) -> tupl
         imu: place and noise of its sensors.
 
     Returns:
-        The run; and measures: duration, s, period, s, the share of uneven steps, that of each status, and where there
-        is a truth those of :func:`~harpy_pin.log.drift.off`.
+        The run; and measures: duration, s, period, s, the share of uneven steps, that of each
+        status, and where there is a truth those of :func:`~harpy_pin.log.drift.off`.
     """
     s, t = signals, signals["t"]
     period = float(np.median(np.diff(t)))
     estimator = Estimator(robot, imu, period=period)
     if "q" in s:
         estimator.reset(s["q"][0], s.get("v", [np.zeros(robot.model.nv)])[0])
-    rows: dict[str, list[Any]] = {name: [] for name in ("foot_position", "foot_velocity", *estimator.signals)}
+    rows: dict[str, list[Any]] = {
+        name: [] for name in ("foot_position", "foot_velocity", *estimator.signals)
+    }
     said = dict[str, int]()
     names = ("gyroscope", "accelerometer", "joint_position", "joint_velocity", "joint_torque")
     for k in range(len(t)):
@@ -245,9 +291,16 @@ def estimate_log(signals: Signals, robot: Robot, imu: Imu | None = None) -> tupl
         "torque": s["joint_torque"],
         "tick_ns": np.zeros(len(t), np.int64),
     }
-    found["thrust"] = s["thrust"].reshape(len(t), -1, 3) if "thrust" in s else np.zeros((len(t), 0, 3))
+    found["thrust"] = (
+        s["thrust"].reshape(len(t), -1, 3) if "thrust" in s else np.zeros((len(t), 0, 3))
+    )
     found |= {name: found[f"estimated_{name}"] for name in ("q", "v") if name not in s}
-    metadata = {"ending": "completed", "end_time": float(t[-1]), "control_period": period, "robot": robot.name}
+    metadata = {
+        "ending": "completed",
+        "end_time": float(t[-1]),
+        "control_period": period,
+        "robot": robot.name,
+    }
     metadata |= {"mass": robot.mass, "feet": list(robot.feet), "thrusters": list(robot.thrusters)}
     measures: dict[str, Any] = {"duration_s": float(t[-1] - t[0]), "period_s": period}
     measures["uneven_steps"] = float(np.mean(np.abs(np.diff(t) / period - 1.0) > UNEVEN))

@@ -11,12 +11,16 @@ from harpy_pin.model.state import Vector
 def off(q: Vector, v: Vector, guess: Vector, speed: Vector, *, period: float) -> dict[str, float]:
     """How far an estimate (ticks, nq) and (ticks, nv) is off, with the period between ticks, s.
 
-    Drift is the error of the displacement, level, from the first tick to the last, over the length of the way. The
-    absolute trajectory error is the rms distance of the bodies' origins where the estimate's path is turned about the
-    vertical and moved so that it is least. The relative pose error is the rms error of the displacements within one
-    second, each in the axes of the body at its start, by evo's definition (https://github.com/MichaelGrupp/evo).
+    Drift is the error of the displacement, level, from the first tick to the last, over the length
+    of the way. The absolute trajectory error is the rms distance of the bodies' origins where the
+    estimate's path is turned about the vertical and moved so that it is least. The relative pose
+    error is the rms error of the displacements within one second, each in the axes of the body at
+    its start, by evo's definition (https://github.com/MichaelGrupp/evo).
     """
-    true, own = (np.array([pin.Quaternion(row[3:7]).toRotationMatrix() for row in rows]) for rows in (q, guess))
+    true, own = (
+        np.array([pin.Quaternion(row[3:7]).toRotationMatrix() for row in rows])
+        for rows in (q, guess)
+    )
     way = float(np.linalg.norm(np.diff(q[:, :2], axis=0), axis=1).sum())
     drift = (q[-1, :2] - q[0, :2]) - (guess[-1, :2] - guess[0, :2])
     error = np.einsum("nij,nj->ni", true, v[:, :3]) - np.einsum("nij,nj->ni", own, speed[:, :3])

@@ -1,4 +1,6 @@
-"""A run for Foxglove: an MCAP with the robot's frames, forces in their friction cones, and its sensors."""
+"""A run for Foxglove: an MCAP with the robot's frames, forces in their friction cones, and its
+sensors.
+"""
 
 from __future__ import annotations
 
@@ -29,7 +31,9 @@ def write_mcap(run: Run, robot: Robot, path: str | Path) -> None:
         from foxglove import channels
         from foxglove import messages as m
     except ImportError as error:
-        raise InputError(f"foxglove cannot be imported ({error}): {install_line('mcap')}", name="mcap") from error
+        raise InputError(
+            f"foxglove cannot be imported ({error}): {install_line('mcap')}", name="mcap"
+        ) from error
     model, context = robot.model, foxglove.Context()
     data, t = model.createData(), run["t"]
     links = [(k, frame.name) for k, frame in enumerate(model.frames) if frame.type == pin.BODY]
@@ -70,11 +74,18 @@ def write_mcap(run: Run, robot: Robot, path: str | Path) -> None:
                 ]
                 if mu > 0.0:
                     x, y, z = run["foot_position"][k, foot].tolist()
-                    middle = m.Pose(position=m.Vector3(x=x, y=y, z=z + 0.5 * HEIGHT), orientation=m.Quaternion(w=1.0))
+                    middle = m.Pose(
+                        position=m.Vector3(x=x, y=y, z=z + 0.5 * HEIGHT),
+                        orientation=m.Quaternion(w=1.0),
+                    )
                     wide = 2.0 * mu * HEIGHT
                     blue = m.Color(r=0.2, g=0.4, b=0.9, a=0.3)
                     box = m.Vector3(x=wide, y=wide, z=HEIGHT)
-                    cones = [m.CylinderPrimitive(pose=middle, size=box, bottom_scale=0.0, top_scale=1.0, color=blue)]
+                    cones = [
+                        m.CylinderPrimitive(
+                            pose=middle, size=box, bottom_scale=0.0, top_scale=1.0, color=blue
+                        )
+                    ]
             entities.append(m.SceneEntity(frame_id=WORLD, id=name, arrows=arrows, cylinders=cones))
         return m.SceneUpdate(entities=entities)
 
@@ -83,9 +94,14 @@ def write_mcap(run: Run, robot: Robot, path: str | Path) -> None:
         found = []
         for number, name in links:
             x, y, z, *turn = pin.SE3ToXYZQUAT(data.oMf[number]).tolist()
-            place, rotation = m.Vector3(x=x, y=y, z=z), m.Quaternion(**dict(zip("xyzw", turn, strict=True)))
+            place, rotation = (
+                m.Vector3(x=x, y=y, z=z),
+                m.Quaternion(**dict(zip("xyzw", turn, strict=True))),
+            )
             found.append(
-                m.FrameTransform(parent_frame_id=WORLD, child_frame_id=name, translation=place, rotation=rotation)
+                m.FrameTransform(
+                    parent_frame_id=WORLD, child_frame_id=name, translation=place, rotation=rotation
+                )
             )
         return m.FrameTransforms(transforms=found)
 
@@ -103,16 +119,25 @@ def write_mcap(run: Run, robot: Robot, path: str | Path) -> None:
         for k in shown.tolist():
             moving.log(frames(k), log_time=times[k])
             forces.log(scene(k), log_time=times[k])
-        joints, truth = channel("/joint_states", "sensor_msgs/JointState"), channel("/odom", "nav_msgs/Odometry")
+        joints, truth = (
+            channel("/joint_states", "sensor_msgs/JointState"),
+            channel("/odom", "nav_msgs/Odometry"),
+        )
         unit = channel("/imu", "sensor_msgs/Imu")
         places = [joint.idx_q for joint in list(model.joints)[2:]]
         for k, time in enumerate(times):
             q, v = run["q"][k], run["v"][k]
-            legs = {"position": q[places].tolist(), "velocity": v[6:].tolist(), "effort": run["torque"][k].tolist()}
+            legs = {
+                "position": q[places].tolist(),
+                "velocity": v[6:].tolist(),
+                "effort": run["torque"][k].tolist(),
+            }
             joints.log({"name": list(robot.joints), **legs}, log_time=time)
             pose = {"pose": {"position": xyz(q[:3]), "orientation": xyz(q[3:7])}}
             twist = {"twist": {"linear": xyz(v[:3]), "angular": xyz(v[3:6])}}
             truth.log({"child_frame_id": robot.name, "pose": pose, "twist": twist}, log_time=time)
             if "gyroscope" in run and "accelerometer" in run:
                 felt = {"angular_velocity": xyz(run["gyroscope"][k])}
-                unit.log({**felt, "linear_acceleration": xyz(run["accelerometer"][k])}, log_time=time)
+                unit.log(
+                    {**felt, "linear_acceleration": xyz(run["accelerometer"][k])}, log_time=time
+                )

@@ -1,8 +1,10 @@
-"""Journal: the rows of a run on disk while it goes on, whole up to the last block whenever the process dies.
+"""Journal: the rows of a run on disk while it goes on, whole up to the last block whenever the
+process dies.
 
-The file begins with :data:`MAGIC`. Records follow: kind (4 bytes), length and CRC-32 of the payload, the payload. The
-first holds the signals' names and shapes and the metadata as JSON. Then comes one for each block of rows, which are
-float64, and at the end one with the metadata of a run that has ended.
+The file begins with :data:`MAGIC`. Records follow: kind (4 bytes), length and CRC-32 of the
+payload, the payload. The first holds the signals' names and shapes and the metadata as JSON. Then
+comes one for each block of rows, which are float64, and at the end one with the metadata of a run
+that has ended.
 """
 
 from __future__ import annotations
@@ -69,7 +71,9 @@ class Layout:
             table = np.frombuffer(blocks.popleft()).reshape(-1, self.width)
             begin, end = end, end + len(table)
             for name, (first, last) in self.spans.items():
-                arrays[name][begin:end] = table[:, first:last].reshape(len(table), *self.shapes[name])
+                arrays[name][begin:end] = table[:, first:last].reshape(
+                    len(table), *self.shapes[name]
+                )
         return arrays
 
 
@@ -85,7 +89,8 @@ class Journal:
         error: why it could not go on; the rows after that stay in memory.
 
     Raises:
-        RunFileError: the file cannot be made, the metadata are no JSON, or another run has left its journal there.
+        RunFileError: the file cannot be made, the metadata are no JSON, or another run has left its
+            journal there.
     """
 
     def __init__(self, target: str | Path, metadata: Mapping[str, Any]) -> None:
@@ -96,8 +101,13 @@ class Journal:
         self._metadata = to_json(target, metadata)
         check_writable(self.path)
         if self.path.exists():
-            message = f"cannot write '{target}': another run is writing it, or died: '{self.path}' is its journal"
-            raise RunFileError(f"{message}; give this one another name, or move that file away", path=self.path)
+            message = (
+                f"cannot write '{target}': another run is writing it, or died: '{self.path}' "
+                f"is its journal"
+            )
+            raise RunFileError(
+                f"{message}; give this one another name, or move that file away", path=self.path
+            )
 
     def begin(self, layout: Layout) -> None:
         """Make the file at the first row, and write what a row holds."""
@@ -120,10 +130,14 @@ class Journal:
         self._add(END, to_json(self.path, metadata).encode())
 
     def _add(self, kind: bytes, payload: bytes) -> bool:
-        return self._write(RECORD.pack(kind, len(payload), zlib.crc32(payload))) and self._write(payload)
+        return self._write(RECORD.pack(kind, len(payload), zlib.crc32(payload))) and self._write(
+            payload
+        )
 
     def _write(self, data: bytes) -> bool:
-        """Whether it could be written; after a failure nothing more is, since a reader would stop before it."""
+        """Whether it could be written; after a failure nothing more is, since a reader would stop
+        before it.
+        """
         if self.error is not None or self._file is None:
             return False
         rest = memoryview(data)
@@ -135,13 +149,18 @@ class Journal:
         return self.error is None
 
     def blocks(self) -> deque[bytes]:
-        """The rows that have been written; the last thing that is asked of a journal. Readers are warned of damage."""
+        """The rows that have been written; the last thing that is asked of a journal. Readers are
+        warned of damage.
+        """
         if self._file is None:
             return deque()
         self._file.seek(0)
         found = deque(payload for kind, payload in _records(self._file) if kind == ROWS)
         if len(found) < self._added:
-            message = f"'{self.path}' was damaged while the run went on: {self._added - len(found)} blocks of its log"
+            message = (
+                f"'{self.path}' was damaged while the run went on: "
+                f"{self._added - len(found)} blocks of its log"
+            )
             warnings.warn(f"{message} are lost", RunFileWarning, stacklevel=3)
         return found
 
@@ -178,7 +197,12 @@ def read_journal(path: Path) -> tuple[dict[str, NDArray[Any]], Any]:
             size = os.fstat(file.fileno()).st_size
             for kind, payload in _records(file):
                 place += RECORD.size + len(payload)
-                if kind == ROWS and layout.shapes and payload and len(payload) % (ITEM * layout.width) == 0:
+                if (
+                    kind == ROWS
+                    and layout.shapes
+                    and payload
+                    and len(payload) % (ITEM * layout.width) == 0
+                ):
                     blocks.append(payload)
                 elif kind == HEAD and not layout.shapes:
                     head = json.loads(payload)
@@ -190,12 +214,22 @@ def read_journal(path: Path) -> tuple[dict[str, NDArray[Any]], Any]:
         if not layout.shapes:
             raise ValueError("no signals")
         signals = layout.signals(blocks)
-    except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError, MemoryError) as error:
+    except (
+        OSError,
+        ValueError,
+        KeyError,
+        TypeError,
+        AttributeError,
+        RecursionError,
+        MemoryError,
+    ) as error:
         raise RunFileError(f"'{path}' is damaged or holds nothing yet", path=path) from error
     rows = len(signals.get("t", ()))
     what = "whose log was not written" if ended else "that has not ended"
     lost = "" if place == size else f"; its last {size - place} bytes are not whole"
-    warnings.warn(f"'{path}' is the journal of a run {what}: {rows} ticks{lost}", RunFileWarning, stacklevel=3)
+    warnings.warn(
+        f"'{path}' is the journal of a run {what}: {rows} ticks{lost}", RunFileWarning, stacklevel=3
+    )
     return signals, metadata
 
 
@@ -216,7 +250,9 @@ def _records(file: BinaryIO) -> Iterator[tuple[bytes, bytes]]:
 def _checked_layout(head: Mapping[str, Any]) -> Layout:
     shapes = {name: tuple(shape) for name, shape in head["signals"].items()}
     numbers = [number for shape in shapes.values() for number in shape]
-    if not all(type(number) is int and 0 <= number <= MAX_ROW for number in numbers) or any(map(check_name, shapes)):
+    if not all(type(number) is int and 0 <= number <= MAX_ROW for number in numbers) or any(
+        map(check_name, shapes)
+    ):
         raise ValueError("bad signals")
     layout = Layout(shapes, frozenset(head["flags"]))
     if not 0 < layout.width <= MAX_ROW or not layout.flags <= shapes.keys():

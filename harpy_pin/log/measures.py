@@ -42,44 +42,50 @@ class Measures:
         duration_s: simulated time logged.
         distance_m: way of the body along x.
         steps: duration over the gait's step duration.
-        slip_mm_per_step: path of the feet along the ground while they touch it, both feet, per step; summed over the
-            physics steps (:mod:`harpy_pin.log.slip`).
-        net_slip_mm_per_step: distance between the places of touchdown and of last touch, both feet, per step (NaN
-            where it was not logged).
+        slip_mm_per_step: path of the feet along the ground while they touch it, both feet, per
+            step; summed over the physics steps (:mod:`harpy_pin.log.slip`).
+        net_slip_mm_per_step: distance between the places of touchdown and of last touch, both feet,
+            per step (NaN where it was not logged).
         late_slip_mm_per_step: the part of it later than 50 ms after touchdown.
         sliding: share of the feet's contact time in which they move faster than 10 mm/s.
         low_force: share of time in which the ground's total normal force is under 20 N.
         no_contact: share of time in which no foot touches the ground.
-        tracking_rms_mm: distance of the body from its target x_r, root mean square (NaN without a logged target, and
-            under :class:`~harpy_pin.gaits.WalkingGait`, which has a velocity for its target: see velocity_rms_m_s).
-        thrust_rms_n: root mean square of the sum of the thrusts' magnitudes; NaN, as all of thrusts, without thrusters.
+        tracking_rms_mm: distance of the body from its target x_r, root mean square (NaN without a
+            logged target, and under :class:`~harpy_pin.gaits.WalkingGait`, which has a velocity for
+            its target: see velocity_rms_m_s).
+        thrust_rms_n: root mean square of the sum of the thrusts' magnitudes; NaN, as all of
+            thrusts, without thrusters.
         thrust_max_n: largest magnitude of one thrust.
         torque_max_nm: largest joint torque.
         roll_max_rad: largest magnitude.
         pitch_max_rad: largest magnitude.
         yaw_max_rad: largest magnitude, from that at the beginning.
         solver_failures: ticks whose quadratic program gave no usable solution.
-        solver_fallbacks: ticks in which the solver of the program did not finish, and the dual active-set method
-            followed it.
+        solver_fallbacks: ticks in which the solver of the program did not finish, and the dual
+            active-set method followed it.
         tilt_max_rad: largest angle between the body's z axis and the vertical.
-        stumbled: whether the body tilted by more than 0.5 rad (29°), whether it fell or not: what comes through such a
-            tilt is not a walk that went well, even where it ends upright.
+        stumbled: whether the body tilted by more than 0.5 rad (29°), whether it fell or not: what
+            comes through such a tilt is not a walk that went well, even where it ends upright.
         bad_samples: ticks whose measurements were not finite, where the controller counts them.
-        cost_of_transport: positive work of the joints over weight times path; NaN for a path under 0.1 m.
+        cost_of_transport: positive work of the joints over weight times path; NaN for a path under
+            0.1 m.
         joint_power_w: mean of the joints' positive power.
-        thrust_power_w: mean electrical power of the thrusters, were each a fan of 18 N from 1 kW, an assumption
-            (:data:`harpy_pin.log.power.PRESETS`).
-        velocity_rms_m_s: horizontal velocity of the body less the one that the gait applies, both averaged over two
-            steps, root mean square (NaN without a logged command).
+        thrust_power_w: mean electrical power of the thrusters, were each a fan of 18 N from 1 kW,
+            an assumption (:data:`harpy_pin.log.power.PRESETS`).
+        velocity_rms_m_s: horizontal velocity of the body less the one that the gait applies, both
+            averaged over two steps, root mean square (NaN without a logged command).
         turning_rms_rad_s: the same error of the velocity about the vertical.
-        pressure_margin_mm: distance to its edge that the centre of pressure of a flat foot keeps in 95 % of the time in
-            which it bears a fifth of the weight and does not roll (NaN without flat feet).
-        joint_tracking_rms_rad: joints less the targets of the motors' law, root mean square (NaN without a law).
-        force_mismatch: contact forces after a tick less those that were planned, norm over all feet, root mean square,
-            over the weight (NaN without a plan). Friction, armature or delay that the controller does not know, soft
-            ground, and feet that slip make it large.
+        pressure_margin_mm: distance to its edge that the centre of pressure of a flat foot keeps in
+            95 % of the time in which it bears a fifth of the weight and does not roll (NaN without
+            flat feet).
+        joint_tracking_rms_rad: joints less the targets of the motors' law, root mean square (NaN
+            without a law).
+        force_mismatch: contact forces after a tick less those that were planned, norm over all
+            feet, root mean square, over the weight (NaN without a plan). Friction, armature or
+            delay that the controller does not know, soft ground, and feet that slip make it large.
         clipped: share of ticks in which a torque is at its limit (NaN where none is limited).
-        estimate_off_m: distance of the estimated place from the body's at the end (NaN without an estimate).
+        estimate_off_m: distance of the estimated place from the body's at the end (NaN without an
+            estimate).
     """
 
     fell: bool = _called("fell")
@@ -123,7 +129,11 @@ class Measures:
             if isinstance(value, float) and math.isnan(value):
                 continue
             shown = ("yes" if value else "no") if isinstance(value, bool) else value
-            lines.append(f"{WORDS[name]}: {shown:.4g}" if isinstance(shown, float) else f"{WORDS[name]}: {shown}")
+            lines.append(
+                f"{WORDS[name]}: {shown:.4g}"
+                if isinstance(shown, float)
+                else f"{WORDS[name]}: {shown}"
+            )
         return "\n".join(lines)
 
     @property
@@ -158,7 +168,8 @@ def body_angles(q: Vector) -> Vector:
 
 
 def contact_age(touching: NDArray[np.bool_], period: float) -> Vector:
-    """Time since touchdown of each foot, s; a break shorter than 20 ms is a bounce, not a new touchdown.
+    """Time since touchdown of each foot, s; a break shorter than 20 ms is a bounce, not a new
+    touchdown.
 
     Args:
         touching: (n, feet) whether the foot touches the ground.
@@ -189,8 +200,8 @@ def measure(run: Run, *, step_duration: float | None = None) -> Measures:
         step_duration: of the gait, s; from the run's metadata by default, else 0.75 s.
 
     Raises:
-        InputError: the run ended before its first tick, or a signal or a setting that is used is not what its name
-            says.
+        InputError: the run ended before its first tick, or a signal or a setting that is used is
+            not what its name says.
     """
     checks.instance("run", run, Run)
     if len(run) == 0:
@@ -226,7 +237,9 @@ def measure(run: Run, *, step_duration: float | None = None) -> Measures:
         roll_max_rad=roll,
         pitch_max_rad=pitch,
         yaw_max_rad=yaw,
-        solver_failures=0 if status is None else int((~(status <= 1)).sum()),  # a status that is not finite, too
+        solver_failures=0
+        if status is None
+        else int((~(status <= 1)).sum()),  # a status that is not finite, too
         solver_fallbacks=optional.last_count(run, "qp_fallbacks"),
         tilt_max_rad=tilt,
         stumbled=not tilt <= STUMBLE,
@@ -251,7 +264,9 @@ def _contact_measures(run: Run, period: float, steps: float) -> dict[str, float]
         "slip_mm_per_step": float(1e3 * path.sum() / steps) * feet,
         "net_slip_mm_per_step": float(1e3 * net / steps) * feet,
         "late_slip_mm_per_step": float(1e3 * (path * late).sum() / steps) * feet,
-        "sliding": int(((speed > SLIDING_SPEED) & touching).sum()) / max(int(touching.sum()), 1) * feet,
+        "sliding": int(((speed > SLIDING_SPEED) & touching).sum())
+        / max(int(touching.sum()), 1)
+        * feet,
         "low_force": int((total < MIN_NORMAL_FORCE).sum()) / len(total) * feet,
         "no_contact": int((total <= 0.0).sum()) / len(total) * feet,
     }
@@ -269,8 +284,8 @@ def _tracking(run: Run) -> float:
 def _paths(run: Run, touching: NDArray[np.bool_]) -> Vector:
     """(rows − 1, feet) path of each foot from row to row, m.
 
-    A log without that signal (of another plant, or an older one) has positions only: then a foot slips between two rows
-    if it touches the ground at either.
+    A log without that signal (of another plant, or an older one) has positions only: then a foot
+    slips between two rows if it touches the ground at either.
     """
     logged = optional.optional_signal(run, "slip_path")
     if logged is not None:

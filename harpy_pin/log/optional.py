@@ -1,4 +1,6 @@
-"""Signals and settings that a log may have: readers get them as they should be, or an error that names them."""
+"""Signals and settings that a log may have: readers get them as they should be, or an error that
+names them.
+"""
 
 from __future__ import annotations
 
@@ -26,7 +28,9 @@ SHAPES: dict[str, tuple[int | str, ...]] = {
     "bad_samples": (),
     "battery_energy": (7,),
 }
-"""Shapes of one row, with as many rows in a tick as the signal named has; of the reference x_r, the least."""
+"""Shapes of one row, with as many rows in a tick as the signal named has; of the reference x_r, the
+least.
+"""
 MAX_COUNT = 1e15
 
 
@@ -40,25 +44,34 @@ def optional_signal(run: Run, name: str) -> NDArray[Any] | None:
     if name == "x_r" and len(found) == 1 and found[0] > 3:
         desired = found
     if found != desired or (desired and signal.dtype.kind != "f"):
-        message = f"the signal {name} of the run must have rows of {desired} floats, got {found} of {signal.dtype}"
+        message = (
+            f"the signal {name} of the run must have rows of {desired} floats, got {found} "
+            f"of {signal.dtype}"
+        )
         raise InputError(message, name="run", value=name)
     return signal
 
 
 def given_thrust(run: Run) -> NDArray[Any]:
-    """(n, thrusters, 3) The thrusts that there were, N: of thrusters that lag, not those commanded."""
+    """(n, thrusters, 3) The thrusts that there were, N: of thrusters that lag, not those
+    commanded.
+    """
     given = optional_signal(run, "applied_thrust")
     return run["thrust"] if given is None else given
 
 
 def given_torque(run: Run) -> NDArray[Any]:
-    """(n, joints) The torques at the end of each tick, N·m: of motors with a law of their own, not those commanded."""
+    """(n, joints) The torques at the end of each tick, N·m: of motors with a law of their own, not
+    those commanded.
+    """
     given = optional_signal(run, "motor_torque")
     return run["torque"] if given is None else np.concatenate((given[1:], given[-1:]))
 
 
 def has_target(run: Run) -> bool:
-    """Whether the log holds a place x_r where the body should be; a walking gait's x_r is the measured body itself."""
+    """Whether the log holds a place x_r where the body should be; a walking gait's x_r is the
+    measured body itself.
+    """
     place: Any = run.metadata
     for name in ("parameters", "gait", "gait"):
         place = place.get(name) if isinstance(place, Mapping) else None
@@ -68,7 +81,11 @@ def has_target(run: Run) -> bool:
 def last_count(run: Run, name: str) -> int:
     """What a signal that counts has come to; zero where the run has none of that name."""
     signal = optional_signal(run, name)
-    return 0 if signal is None else int(checks.number(f"the run's last {name}", signal[-1], low=0.0, high=MAX_COUNT))
+    return (
+        0
+        if signal is None
+        else int(checks.number(f"the run's last {name}", signal[-1], low=0.0, high=MAX_COUNT))
+    )
 
 
 def tick_times(run: Run) -> NDArray[np.float64] | None:

@@ -1,4 +1,5 @@
-"""Electrical power of thrusters: by momentum theory that of a disk at rest goes with the thrust to the power 3/2.
+"""Electrical power of thrusters: by momentum theory that of a disk at rest goes with the thrust to
+the power 3/2.
 
 So one point of a thruster, its thrust and its electrical power, gives the others.
 """
@@ -16,7 +17,8 @@ from harpy_pin.model.state import Vector
 
 @dataclass(frozen=True, kw_only=True)
 class Propulsion:
-    """Electrical power of one thruster, by one point of it: at other thrusts it goes with the thrust to the power 3/2.
+    """Electrical power of one thruster, by one point of it: at other thrusts it goes with the
+    thrust to the power 3/2.
 
     Attributes:
         thrust: at that point, N.
@@ -47,7 +49,11 @@ class Propulsion:
         return found
 
 
-PRESETS = {"fan": Propulsion(thrust=18.0, power=1000.0), "propeller": Propulsion(thrust=6.2, power=111.0)}
-"""``fan``: an electric ducted fan of some 18 N from 1 kW, an order of magnitude without a paper. ``propeller``: one of
-the four of LEO (Kim et al., *A bipedal walking robot that can fly, slackline, and skateboard*, Science Robotics 6,
-2021), which take 445 W to carry 2.58 kg."""
+PRESETS = {
+    "fan": Propulsion(thrust=18.0, power=1000.0),
+    "propeller": Propulsion(thrust=6.2, power=111.0),
+}
+"""``fan``: an electric ducted fan of some 18 N from 1 kW, an order of magnitude without a paper.
+``propeller``: one of the four of LEO (Kim et al., *A bipedal walking robot that can fly, slackline,
+and skateboard*, Science Robotics 6, 2021), which take 445 W to carry 2.58 kg.
+"""

@@ -21,17 +21,21 @@ BLOCK = 1000
 
 
 class Recorder:
-    """Keeps the signals of every tick: a row as its bytes, the cheapest copy of many small arrays there is.
+    """Keeps the signals of every tick: a row as its bytes, the cheapest copy of many small arrays
+    there is.
 
     Args:
-        journal: takes the blocks; they stay in memory where there is none, or once its disk is full.
+        journal: takes the blocks; they stay in memory where there is none, or once its disk is
+            full.
         block: rows that are written at a time.
     """
 
     def __init__(self, journal: Journal | None = None, *, block: int = BLOCK) -> None:
         self._journal = journal
         self._size = block
-        self._due = block if journal is None else 1  # a walk that is killed at once leaves its first tick
+        self._due = (
+            block if journal is None else 1
+        )  # a walk that is killed at once leaves its first tick
         self._rows: list[bytes] = []  # one row each, or several
         self._held = 0  # rows in them
         self._before = 0
@@ -62,7 +66,8 @@ class Recorder:
             row: arrays and numbers by name.
 
         Raises:
-            InputError: names or shapes differ from those of the first row, or a name is none for a signal.
+            InputError: names or shapes differ from those of the first row, or a name is none for a
+                signal.
         """
         if not self._layout.shapes:
             self._learn(row)
@@ -71,7 +76,9 @@ class Recorder:
         arrays = self._arrays(row)
         try:
             fit = [(array.shape, array.dtype) for array in arrays] == self._forms
-            packed = b"".join(arrays) + self._pack(*self._numbers(row)) if fit else self._convert(row)
+            packed = (
+                b"".join(arrays) + self._pack(*self._numbers(row)) if fit else self._convert(row)
+            )
         except (AttributeError, TypeError, BufferError, struct.error):
             packed = self._convert(row)  # lists, or arrays that are not contiguous
         self._add(packed, 1)
@@ -82,7 +89,9 @@ class Recorder:
         for name in samples:
             reason = check_name(name)
             if reason:
-                raise InputError(f"no signal can be called {shown(name)}: {reason}", name="telemetry", value=name)
+                raise InputError(
+                    f"no signal can be called {shown(name)}: {reason}", name="telemetry", value=name
+                )
         arrays = [name for name, sample in samples.items() if sample.shape != ()]
         numbers = [name for name, sample in samples.items() if sample.shape == ()]
         flags = frozenset(name for name, sample in samples.items() if sample.dtype == np.bool_)
@@ -99,7 +108,9 @@ class Recorder:
         parts = {name: np.array(row[name], dtype=FLOAT, order="C") for name in shapes}
         wrong = [name for name, part in parts.items() if part.shape != shapes[name]]
         if wrong:
-            raise InputError(f"the logged signals changed shape: {', '.join(wrong)}", name="telemetry")
+            raise InputError(
+                f"the logged signals changed shape: {', '.join(wrong)}", name="telemetry"
+            )
         return b"".join(part.tobytes() for part in parts.values())
 
     def _add(self, packed: bytes, rows: int) -> None:

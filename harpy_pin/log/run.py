@@ -38,9 +38,11 @@ class Run:
     """What happened, tick by tick.
 
     Attributes:
-        signals: arrays with one row per control tick. Always present: ``t`` (s), ``q``, ``v``, ``foot_position``,
-            ``foot_velocity``, ``foot_force`` (feet, 3), ``torque``, ``thrust`` (thrusters, 3), ``tick_ns``, by the
-            conventions of :class:`~harpy_pin.model.state.State`. A controller adds its own (see its ``telemetry``).
+        signals: arrays with one row per control tick. Always present: ``t`` (s), ``q``, ``v``,
+            ``foot_position``, ``foot_velocity``, ``foot_force`` (feet, 3), ``torque``, ``thrust``
+            (thrusters, 3), ``tick_ns``, by the conventions of
+            :class:`~harpy_pin.model.state.State`. A controller adds its own (see its
+            ``telemetry``).
         metadata: how the run came about: parameters, versions, and how it ended.
     """
 
@@ -59,7 +61,10 @@ class Run:
     def __repr__(self) -> str:
         span = float(self["t"][-1] - self["t"][0]) if len(self) else 0.0
         robot = self.metadata.get("robot", "unknown")
-        return f"Run('{robot}', {span:.2f} s, {len(self)} ticks, {self.ending[:200]}, {len(self.signals)} signals)"
+        return (
+            f"Run('{robot}', {span:.2f} s, {len(self)} ticks, {self.ending[:200]}, "
+            f"{len(self.signals)} signals)"
+        )
 
     def keys(self) -> list[str]:
         """Names of the signals: ``run[name]`` is the signal."""
@@ -73,7 +78,8 @@ class Run:
 
     @property
     def ending(self) -> str:
-        """``completed``, ``fell``, ``diverged``, ``interrupted``, or what the controller failed with.
+        """``completed``, ``fell``, ``diverged``, ``interrupted``, or what the controller failed
+        with.
 
         ``unfinished`` where the log is of a process that still runs, or died.
         """
@@ -100,8 +106,9 @@ class Run:
     def load(cls, path: str | Path) -> Run:
         """Read a log.
 
-        Where there is no such file, but the journal ``<path>.part`` of a run that has not ended (it still runs, or its
-        process died), that is read, with a warning. A file is never trusted: what it holds is checked.
+        Where there is no such file, but the journal ``<path>.part`` of a run that has not ended (it
+        still runs, or its process died), that is read, with a warning. A file is never trusted:
+        what it holds is checked.
 
         Args:
             path: of a log that :meth:`save`, or a run with ``save=``, has written.
@@ -117,14 +124,19 @@ class Run:
         if not os.path.isfile(source) and os.path.isfile(journal):
             source = journal
         elif os.path.isfile(journal) and source != journal:
-            message = f"'{source}' is an older run: '{journal}' beside it is the journal of one that has not ended"
+            message = (
+                f"'{source}' is an older run: '{journal}' beside it is the journal of one "
+                f"that has not ended"
+            )
             warnings.warn(message, RunFileWarning, stacklevel=2)
         if not os.path.isfile(source):
             raise RunFileError(f"no run log at '{source}'", path=source)
         try:
             journaled = is_journal(source)
         except OSError as error:
-            raise RunFileError(f"cannot read '{source}': {error.strerror or error}", path=source) from error
+            raise RunFileError(
+                f"cannot read '{source}': {error.strerror or error}", path=source
+            ) from error
         signals, metadata = read_journal(source) if journaled else read_run(source)
         check_log(source, signals, metadata)
         run = cls(signals, metadata)
@@ -133,10 +145,11 @@ class Run:
         return run
 
     def to_pandas(self) -> pandas.DataFrame:
-        """All signals as a ``pandas.DataFrame``, with the time, s, as its index and one column for each number.
+        """All signals as a ``pandas.DataFrame``, with the time, s, as its index and one column for
+        each number.
 
-        Columns are named ``foot_force/left_foot/z``, ``q/7``: the signal, and which of its numbers; programs such as
-        PlotJuggler show the names as a tree.
+        Columns are named ``foot_force/left_foot/z``, ``q/7``: the signal, and which of its numbers;
+        programs such as PlotJuggler show the names as a tree.
 
         Raises:
             InputError: pandas is not installed.
@@ -144,7 +157,9 @@ class Run:
         try:
             import pandas
         except ImportError as error:
-            raise InputError(f"pandas cannot be imported ({error}): {install_line('pandas')}", name="pandas") from error
+            raise InputError(
+                f"pandas cannot be imported ({error}): {install_line('pandas')}", name="pandas"
+            ) from error
         return pandas.DataFrame(dict(columns(self))).set_index("t")
 
     def to_csv(self, path: str | Path, *, every: int = 1) -> None:
@@ -168,7 +183,8 @@ class Run:
             text.detach()
 
     def to_mcap(self, path: str | Path, robot: Robot) -> None:
-        """Write an MCAP that Foxglove opens: frames, forces in their friction cones, URDF, joints and sensors.
+        """Write an MCAP that Foxglove opens: frames, forces in their friction cones, URDF, joints
+        and sensors.
 
         :func:`~harpy_pin.log.bag.read_log` reads it back. Cones are drawn on level ground.
 
@@ -203,23 +219,34 @@ def _versions() -> dict[str, str]:
 
 
 def _column_names(run: Run, signal: str) -> list[str]:
-    """Names of the numbers in a row of a signal, in their order in memory, without that of the signal."""
+    """Names of the numbers in a row of a signal, in their order in memory, without that of the
+    signal.
+    """
     shape = run[signal].shape[1:]
     names = []
     for axis, size in enumerate(shape):
         last = axis == len(shape) - 1
         owner = "thrusters" if signal.startswith("thrust") else "feet"
         known = run.metadata.get(owner)
-        if axis == 0 and _is_of_parts(signal, len(shape)) and isinstance(known, list | tuple) and len(known) == size:
+        if (
+            axis == 0
+            and _is_of_parts(signal, len(shape))
+            and isinstance(known, list | tuple)
+            and len(known) == size
+        ):
             names.append([str(name) for name in known])
         else:
-            names.append(list(AXES) if last and size == 3 and axis > 0 else [str(k) for k in range(size)])
+            names.append(
+                list(AXES) if last and size == 3 and axis > 0 else [str(k) for k in range(size)]
+            )
     return ["/".join(parts) for parts in product(*names)]
 
 
 def _is_of_parts(signal: str, axes: int) -> bool:
     """Whether the rows of a signal are of feet or thrusters."""
-    return signal.startswith(("foot_", "slip_", "thrust", "stance", "friction_estimate")) or axes == 2
+    return (
+        signal.startswith(("foot_", "slip_", "thrust", "stance", "friction_estimate")) or axes == 2
+    )
 
 
 def columns(run: Run) -> Iterator[tuple[str, NDArray[Any]]]:

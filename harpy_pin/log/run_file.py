@@ -1,4 +1,6 @@
-"""The file of a run: an ``.npz`` that plain NumPy reads, replaced only when the new one is whole, never trusted."""
+"""The file of a run: an ``.npz`` that plain NumPy reads, replaced only when the new one is whole,
+never trusted.
+"""
 
 from __future__ import annotations
 
@@ -49,13 +51,26 @@ MAX_TEXT = 1 << 26
 """Bytes of the metadata in the file, at most (four for each character)."""
 MAX_SIGNALS = 1000
 SMALL, RATIO, MAX_PACKED = 1 << 26, 100, 1 << 31
-"""A file may not say that it holds more bytes than SMALL and more than RATIO times its size, nor more than MAX_PACKED
-bytes in arrays that are compressed."""
+"""A file may not say that it holds more bytes than SMALL and more than RATIO times its size, nor
+more than MAX_PACKED bytes in arrays that are compressed.
+"""
 DAMAGE = (
-    *(OSError, ValueError, KeyError, EOFError, TypeError, AttributeError, RuntimeError, SyntaxError, MemoryError),
+    *(
+        OSError,
+        ValueError,
+        KeyError,
+        EOFError,
+        TypeError,
+        AttributeError,
+        RuntimeError,
+        SyntaxError,
+        MemoryError,
+    ),
     *(OverflowError, struct.error, zipfile.BadZipFile, zlib.error),
 )
-"""What zipfile, zlib, NumPy and json raise on a file that is no archive of theirs, or a damaged one."""
+"""What zipfile, zlib, NumPy and json raise on a file that is no archive of theirs, or a damaged
+one.
+"""
 
 
 def check_name(name: str) -> str:
@@ -71,8 +86,16 @@ def check_name(name: str) -> str:
 
 def _check_numbers(path: Path, name: str, dtype: np.dtype[Any]) -> None:
     """Refuse everything but plain numbers."""
-    if dtype.kind not in "fiub" or dtype.itemsize > 8 or not dtype.isnative or dtype.fields or dtype.subdtype:
-        raise RunFileError(f"'{path}' is not a run log: {name} holds {dtype}, not plain numbers", path=path)
+    if (
+        dtype.kind not in "fiub"
+        or dtype.itemsize > 8
+        or not dtype.isnative
+        or dtype.fields
+        or dtype.subdtype
+    ):
+        raise RunFileError(
+            f"'{path}' is not a run log: {name} holds {dtype}, not plain numbers", path=path
+        )
 
 
 def to_json(path: str | Path, metadata: Mapping[str, Any]) -> str:
@@ -84,14 +107,19 @@ def to_json(path: str | Path, metadata: Mapping[str, Any]) -> str:
     try:
         return json.dumps(metadata, default=str)
     except (TypeError, ValueError, RecursionError) as error:
-        raise RunFileError(f"cannot write '{path}': the metadata are no JSON: {error}", path=path) from error
+        raise RunFileError(
+            f"cannot write '{path}': the metadata are no JSON: {error}", path=path
+        ) from error
 
 
-def write_run(path: str | Path, metadata: Mapping[str, Any], signals: Mapping[str, NDArray[Any]]) -> None:
+def write_run(
+    path: str | Path, metadata: Mapping[str, Any], signals: Mapping[str, NDArray[Any]]
+) -> None:
     """Write a log; a file of that name is replaced only once the new one is whole.
 
     Raises:
-        RunFileError: the file cannot be written, or a signal has a name or a type that no log can hold.
+        RunFileError: the file cannot be written, or a signal has a name or a type that no log can
+            hold.
     """
     arrays = {name: np.asarray(signal) for name, signal in signals.items()}
     for name, array in arrays.items():
@@ -124,7 +152,9 @@ def read_run(path: Path) -> tuple[dict[str, NDArray[Any]], Any]:
 
 
 def _entries(path: Path, archive: zipfile.ZipFile, size: int) -> dict[str, zipfile.ZipInfo]:
-    """The arrays of an archive by name; what an honest one cannot hold is refused before anything is unpacked."""
+    """The arrays of an archive by name; what an honest one cannot hold is refused before anything
+    is unpacked.
+    """
     entries: dict[str, zipfile.ZipInfo] = {}
     for entry in archive.infolist():
         name = entry.filename.removesuffix(".npy")
@@ -133,48 +163,69 @@ def _entries(path: Path, archive: zipfile.ZipFile, size: int) -> dict[str, zipfi
             reason = "it is there twice"
         elif name == entry.filename:
             reason = "it is no array"
-        elif entry.flag_bits & 1 or entry.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
+        elif entry.flag_bits & 1 or entry.compress_type not in (
+            zipfile.ZIP_STORED,
+            zipfile.ZIP_DEFLATED,
+        ):
             reason = "it is encrypted or compressed in a foreign way"
         elif name == METADATA and entry.file_size > MAX_TEXT:
             reason = "it is too long"
         if reason:
-            raise RunFileError(f"'{path}' is not a run log: entry {name[:100]!r}: {reason}", path=path)
+            raise RunFileError(
+                f"'{path}' is not a run log: entry {name[:100]!r}: {reason}", path=path
+            )
         entries[name] = entry
     if len(entries) > MAX_SIGNALS:
         raise RunFileError(f"'{path}' is not a run log: it holds {len(entries)} arrays", path=path)
     declared = sum(entry.file_size for entry in entries.values())
-    packed = sum(entry.file_size for entry in entries.values() if entry.compress_type != zipfile.ZIP_STORED)
+    packed = sum(
+        entry.file_size for entry in entries.values() if entry.compress_type != zipfile.ZIP_STORED
+    )
     if declared > max(SMALL, RATIO * size) or packed > MAX_PACKED:
-        raise RunFileError(f"'{path}' says that its {size} bytes hold {declared}: too many to be a run log", path=path)
+        raise RunFileError(
+            f"'{path}' says that its {size} bytes hold {declared}: too many to be a run log",
+            path=path,
+        )
     return entries
 
 
 def _read(path: Path, archive: zipfile.ZipFile, name: str, info: zipfile.ZipInfo) -> NDArray[Any]:
     """One array; zipfile verifies its checksum."""
     with archive.open(info) as entry:
-        read_header = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}
+        read_header = {
+            (1, 0): np.lib.format.read_array_header_1_0,
+            (2, 0): np.lib.format.read_array_header_2_0,
+        }
         shape, fortran, dtype = read_header[np.lib.format.read_magic(entry)](entry)
         if name != METADATA:
             _check_numbers(path, name, dtype)
         elif shape != () or dtype.kind != "U" or not dtype.isnative:
             raise ValueError("metadata that are no text")
-        if min(shape, default=0) < 0 or entry.tell() + math.prod(shape) * dtype.itemsize != info.file_size:
+        if (
+            min(shape, default=0) < 0
+            or entry.tell() + math.prod(shape) * dtype.itemsize != info.file_size
+        ):
             raise RunFileError(f"'{path}' is damaged: {name} is not as long as it says", path=path)
         array = np.frombuffer(bytearray(entry.read()), dtype, math.prod(shape))
     return array.reshape(shape[::-1]).T if fortran else array.reshape(shape)
 
 
 def check_log(source: Path, signals: Mapping[str, NDArray[Any]], metadata: Any) -> None:
-    """Refuse what is not the log of a robot over time; takes the list of signals out of the metadata.
+    """Refuse what is not the log of a robot over time; takes the list of signals out of the
+    metadata.
 
     Raises:
         RunFileError: it is not.
     """
     if not isinstance(metadata, dict) or metadata.get("format") != FORMAT:
-        raise RunFileError(f"'{source}' has a format this version cannot read (expected {FORMAT})", path=source)
+        raise RunFileError(
+            f"'{source}' has a format this version cannot read (expected {FORMAT})", path=source
+        )
     _check_signals(source, signals)
     if metadata.pop("signals", sorted(signals)) != sorted(signals):
-        raise RunFileError(f"'{source}' is damaged: it does not hold the signals it lists", path=source)
+        raise RunFileError(
+            f"'{source}' is damaged: it does not hold the signals it lists", path=source
+        )
     for name, kinds in KINDS.items():
         value = metadata.get(name, kinds[0]())
         good = type(value) in kinds
@@ -183,7 +234,9 @@ def check_log(source: Path, signals: Mapping[str, NDArray[Any]], metadata: Any) 
         if good and name in ("feet", "thrusters"):
             good = all(type(entry) is str for entry in value)
         if not good:
-            raise RunFileError(f"'{source}' is not a run log: {name} is {shown(value)}", path=source)
+            raise RunFileError(
+                f"'{source}' is not a run log: {name} is {shown(value)}", path=source
+            )
 
 
 def _check_signals(source: Path, signals: Mapping[str, NDArray[Any]]) -> None:
@@ -191,20 +244,33 @@ def _check_signals(source: Path, signals: Mapping[str, NDArray[Any]]) -> None:
     missing = [name for name in AXES if name not in signals]
     if missing:
         raise RunFileError(f"'{source}' is not a run log: no {', '.join(missing)}", path=source)
-    if any(array.ndim == 0 for array in signals.values()) or len({len(array) for array in signals.values()}) != 1:
+    if (
+        any(array.ndim == 0 for array in signals.values())
+        or len({len(array) for array in signals.values()}) != 1
+    ):
         raise RunFileError(f"'{source}' is damaged: its signals differ in length", path=source)
     for name, axes in AXES.items():
         shape, dtype = signals[name].shape[1:], signals[name].dtype
-        fits = len(shape) == len(axes) and all(n in (None, m) for n, m in zip(axes, shape, strict=True))
+        fits = len(shape) == len(axes) and all(
+            n in (None, m) for n, m in zip(axes, shape, strict=True)
+        )
         if not fits or (name in LEAST and shape[0] < LEAST[name]):
-            raise RunFileError(f"'{source}' is not a run log: {name} has shape {signals[name].shape}", path=source)
+            raise RunFileError(
+                f"'{source}' is not a run log: {name} has shape {signals[name].shape}", path=source
+            )
         if dtype != np.float64:
-            raise RunFileError(f"'{source}' is not a run log: {name} holds {dtype}, not float64", path=source)
+            raise RunFileError(
+                f"'{source}' is not a run log: {name} holds {dtype}, not float64", path=source
+            )
     if len({signals[name].shape[1] for name in AXES if name.startswith("foot")}) != 1:
-        raise RunFileError(f"'{source}' is damaged: its signals differ in the number of feet", path=source)
+        raise RunFileError(
+            f"'{source}' is damaged: its signals differ in the number of feet", path=source
+        )
     time = signals["t"]
     if not np.all(np.abs(time) < MAX_TIME):
-        raise RunFileError(f"'{source}' is damaged: its times are not finite or beyond {MAX_TIME:g} s", path=source)
+        raise RunFileError(
+            f"'{source}' is damaged: its times are not finite or beyond {MAX_TIME:g} s", path=source
+        )
     steps = np.diff(time)
     if np.any(steps <= 0.0) or (len(steps) and np.median(steps) > MAX_STEP):
         raise RunFileError(f"'{source}' is damaged: its times do not go on", path=source)

@@ -4,9 +4,11 @@ On ground that is not flat "along the ground" is along its tangent plane at the 
 
 Two numbers for each foot since the simulator's last reset:
 
-- the *path*: lengths of the horizontal displacements of all steps in which the ground pushes the foot;
-- the *net* displacement: distance between the places of touchdown and of last touch, summed over all contacts. A break
-  of less than 20 ms is a bounce and does not end a contact, so that small hops hide nothing.
+- the *path*: lengths of the horizontal displacements of all steps in which the ground pushes the
+  foot;
+- the *net* displacement: distance between the places of touchdown and of last touch, summed over
+  all contacts. A break of less than 20 ms is a bounce and does not end a contact, so that small
+  hops hide nothing.
 """
 
 from __future__ import annotations
@@ -46,8 +48,11 @@ def forget_slip(s: SlipRecord, position: Vector) -> None:
 
 
 @kernel
-def note_slip(s: SlipRecord, level: bool, frame: Vector, position: Vector, force: Vector, dt: float) -> None:
-    """Take a step dt, s, into account: its forces (3 feet,), world axes, N, and the positions (feet, 3) at its end, m.
+def note_slip(
+    s: SlipRecord, level: bool, frame: Vector, position: Vector, force: Vector, dt: float
+) -> None:
+    """Take a step dt, s, into account: its forces (3 feet,), world axes, N, and the positions
+    (feet, 3) at its end, m.
 
     Frames (feet, 3, 3) of the contacts are not read where the ground is level.
     """

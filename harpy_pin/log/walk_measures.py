@@ -1,4 +1,6 @@
-"""Measures of walks: what they cost, how they follow their command, and how far the centre of pressure keeps inside."""
+"""Measures of walks: what they cost, how they follow their command, and how far the centre of
+pressure keeps inside.
+"""
 
 from __future__ import annotations
 
@@ -30,14 +32,19 @@ BIN, BINS = 1e-4, 2000
 
 
 def walk_measures(run: Run, *, period: float, step_duration: float) -> dict[str, float]:
-    """What a walk costs, how it follows its command, and how far the centre of pressure keeps inside.
+    """What a walk costs, how it follows its command, and how far the centre of pressure keeps
+    inside.
 
-    These are measures by their names in :class:`harpy_pin.log.measures.Measures`. The period between rows is in s, and
-    so is the step duration; the velocity is averaged over two steps.
+    These are measures by their names in :class:`harpy_pin.log.measures.Measures`. The period
+    between rows is in s, and so is the step duration; the velocity is averaged over two steps.
     """
     q, v = run["q"], run["v"]
     mass = run.metadata.get("mass", math.nan)
-    weight = GRAVITY * float(mass) if isinstance(mass, int | float) and 0.0 < mass < HEAVIEST else math.nan
+    weight = (
+        GRAVITY * float(mass)
+        if isinstance(mass, int | float) and 0.0 < mass < HEAVIEST
+        else math.nan
+    )
     torque = optional.given_torque(run)
     joints = min(torque.shape[1], v.shape[1] - 6)
     work = float(np.maximum(torque[:, :joints] * v[:, 6 : 6 + joints], 0.0).sum()) * period
@@ -58,8 +65,13 @@ def walk_measures(run: Run, *, period: float, step_duration: float) -> dict[str,
 
 
 def _causes(run: Run, torque: Vector, weight: float) -> dict[str, float]:
-    """How far joints and contact forces were from what was planned, and how often torques were at their limits."""
-    law, planned = optional.optional_signal(run, "motor_law"), optional.optional_signal(run, "desired_force")
+    """How far joints and contact forces were from what was planned, and how often torques were at
+    their limits.
+    """
+    law, planned = (
+        optional.optional_signal(run, "motor_law"),
+        optional.optional_signal(run, "desired_force"),
+    )
     apart = mismatch = math.nan
     if law is not None and len(run) > 1:  # targets are for the middle of a tick
         joints = run["q"][:, -law.shape[2] :]
@@ -69,20 +81,27 @@ def _causes(run: Run, torque: Vector, weight: float) -> dict[str, float]:
         mismatch = float(np.sqrt(np.mean(off))) / weight
     given = run.metadata.get("torque_limit")
     given, clipped = given if isinstance(given, list) else [], math.nan
-    limits = [float(one) if isinstance(one, int | float) and abs(one) < HEAVIEST else np.inf for one in given]
+    limits = [
+        float(one) if isinstance(one, int | float) and abs(one) < HEAVIEST else np.inf
+        for one in given
+    ]
     if len(limits) == torque.shape[1] and np.isfinite(limits).any():
         clipped = float((np.abs(torque) >= (1.0 - CLOSE) * np.array(limits)).any(axis=1).mean())
     return {"joint_tracking_rms_rad": apart, "force_mismatch": mismatch, "clipped": clipped}
 
 
 def _velocity_errors(run: Run, window: int) -> tuple[float, float]:
-    """Velocity less the applied one, m/s, and about the vertical, rad/s; means over windows, root mean square."""
+    """Velocity less the applied one, m/s, and about the vertical, rad/s; means over windows, root
+    mean square.
+    """
     heading, applied = run["heading"][:, 0], run["applied_velocity"][:, :3]
     if "path" in run and run["path"].shape[1:] == (3,) and run["path"].dtype.kind == "f":
         heading = run["path"][:, 2]  # the body itself may face elsewhere
     velocity = _world_velocity(run["q"], run["v"])
     c, s = np.cos(heading), np.sin(heading)
-    desired = np.stack((c * applied[:, 0] - s * applied[:, 1], s * applied[:, 0] + c * applied[:, 1]), axis=1)
+    desired = np.stack(
+        (c * applied[:, 0] - s * applied[:, 1], s * applied[:, 0] + c * applied[:, 1]), axis=1
+    )
     error = np.column_stack((velocity[:, :2] - desired, velocity[:, 2] - applied[:, 2]))
     windows = len(error) // window
     if not windows:
@@ -93,11 +112,16 @@ def _velocity_errors(run: Run, window: int) -> tuple[float, float]:
 
 
 def _pressure_margin(run: Run, weight: float) -> float:
-    """Distance to its edge that the centre of pressure of a loaded sole keeps 95 % of the time, m."""
+    """Distance to its edge that the centre of pressure of a loaded sole keeps 95 % of the time,
+    m.
+    """
     counts = np.zeros(BINS, dtype=np.int64)
     for corners in _soles(run):
         flat = run["stance"][:, corners].all(axis=1) if "stance" in run else slice(None)
-        place, force = run["foot_position"][flat][:, corners], run["foot_force"][flat][:, corners, 2]
+        place, force = (
+            run["foot_position"][flat][:, corners],
+            run["foot_force"][flat][:, corners, 2],
+        )
         margin = _margins(place, force, LOADED * weight)
         counts += np.bincount(np.clip(margin / BIN, 0, BINS - 1).astype(np.int64), minlength=BINS)
     total = int(counts.sum())
@@ -115,12 +139,16 @@ def _soles(run: Run) -> list[list[int]]:
     order = {str(name): number for number, name in enumerate(names)}
     bases = [name[: -len("_0")] for name in order if name.endswith("_0")]
     corners = [[f"{base}_{k}" for k in range(CORNERS)] for base in bases]
-    return [[order[name] for name in four] for four in corners if all(name in order for name in four)]
+    return [
+        [order[name] for name in four] for four in corners if all(name in order for name in four)
+    ]
 
 
 def _commanded(run: Run) -> bool:
     """Whether the log holds a velocity that a gait applied, and its heading."""
-    shapes = [run[name].shape[1:] if name in run else () for name in ("applied_velocity", "heading")]
+    shapes = [
+        run[name].shape[1:] if name in run else () for name in ("applied_velocity", "heading")
+    ]
     known = shapes[0] in ((3,), (4,)) and shapes[1] in ((3,), (2,))
     return known and all(run[name].dtype.kind == "f" for name in ("applied_velocity", "heading"))
 
@@ -134,12 +162,15 @@ def _world_velocity(q: Vector, v: Vector) -> Vector:
         (2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)),
     )
     parts = (v[:, :3], v[:, :3], v[:, 3:6])
-    velocity = [np.einsum("kn,nk->n", np.stack(row), part) for row, part in zip(rows, parts, strict=True)]
+    velocity = [
+        np.einsum("kn,nk->n", np.stack(row), part) for row, part in zip(rows, parts, strict=True)
+    ]
     return np.stack(velocity, axis=1)
 
 
 def _margins(position: Vector, normal: Vector, least: float) -> Vector:
-    """Distances of the centre of pressure to the edge of a sole, in the rows in which it carries ``least``, N, m.
+    """Distances of the centre of pressure to the edge of a sole, in the rows in which it carries
+    ``least``, N, m.
 
     ``position`` (n, 4, 3) is that of the corners, m, and ``normal`` (n, 4) their forces, N.
     """

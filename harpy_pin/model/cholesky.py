@@ -1,9 +1,10 @@
 """Cholesky factors of small symmetric matrices, for kernels: M = Lᵀ L with L lower triangular.
 
-Elimination runs from the last row to the first. For a mass matrix that is from the tips of the kinematic tree to its
-root, so that the zeros between branches stay zeros (Featherstone's sparse factorisation), and zeros are skipped. The
-inner loops run along rows, over all right-hand sides at once, which compilers turn into vector instructions.
-A factor keeps the reciprocals of its diagonal in the diagonal's place.
+Elimination runs from the last row to the first. For a mass matrix that is from the tips of the
+kinematic tree to its root, so that the zeros between branches stay zeros (Featherstone's sparse
+factorisation), and zeros are skipped. The inner loops run along rows, over all right-hand sides at
+once, which compilers turn into vector instructions. A factor keeps the reciprocals of its diagonal
+in the diagonal's place.
 """
 
 from __future__ import annotations
@@ -18,7 +19,8 @@ from harpy_pin.model.state import Vector
 def factorise(matrix: Vector, lower: Vector, floor: float = 0.0) -> None:
     """Factor of a matrix; ``matrix`` and ``lower`` may be the same array.
 
-    A matrix that is not positive definite gives entries that are not finite, or with a floor huge ones; no exception.
+    A matrix that is not positive definite gives entries that are not finite, or with a floor huge
+    ones; no exception.
 
     Args:
         matrix: (n, n) its lower triangle is read.

@@ -1,19 +1,20 @@
 """The true contact force as an affine map of what the robot is commanded (equations.md W9).
 
-Feet that touch are taken to stick: J_f a + J̇ v = −κ v_foot. With M a + n + B v = X y + J_fᵀ f, y = [u; τ] the thrusts
-and joint torques and X = [J_tᵀ S], the force on them is affine in the command:
+Feet that touch are taken to stick: J_f a + J̇ v = −κ v_foot. With M a + n + B v = X y + J_fᵀ f, y =
+[u; τ] the thrusts and joint torques and X = [J_tᵀ S], the force on them is affine in the command:
 
     f(y) = −Λ ( J_f M⁻¹ (X y − n − B v) + J̇ v + κ v_foot ) = f₀ + A y
     Λ = (J_f M⁻¹ J_fᵀ)⁻¹,   A = −Λ J_f M⁻¹ X = [G H]
 
-G acts from the thrusts, H from the joint torques. It is the force that *sticking demands*: a foot slides where it
-leaves Coulomb's cone. A change δy changes the accelerations by M⁻¹ (X + J_fᵀ A) δy.
+G acts from the thrusts, H from the joint torques. It is the force that *sticking demands*: a foot
+slides where it leaves Coulomb's cone. A change δy changes the accelerations by M⁻¹ (X + J_fᵀ A) δy.
 
-Contacts are redundant where D = J_f M⁻¹ J_fᵀ is singular: points in one place, or more than three on one rigid body.
-Then no force is the only one, and feet that turn may ask for accelerations that no rigid body has. In these states
-alone Λ is (D² + ε²)⁻¹ D, nearly D's pseudo-inverse: the least forces that come closest to what the feet ask for, never
-more than 1/(2ε) times that. All forces that give the feet these accelerations move the robot alike, so that torques do
-not depend on the choice as long as no corner leaves its pyramid.
+Contacts are redundant where D = J_f M⁻¹ J_fᵀ is singular: points in one place, or more than three
+on one rigid body. Then no force is the only one, and feet that turn may ask for accelerations that
+no rigid body has. In these states alone Λ is (D² + ε²)⁻¹ D, nearly D's pseudo-inverse: the least
+forces that come closest to what the feet ask for, never more than 1/(2ε) times that. All forces
+that give the feet these accelerations move the robot alike, so that torques do not depend on the
+choice as long as no corner leaves its pyramid.
 """
 
 from __future__ import annotations
@@ -29,8 +30,9 @@ from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
 
 REDUNDANT = 1e-5
-"""Contacts are redundant where a pivot of J_f M⁻¹ J_fᵀ is below this share of its largest diagonal entry; ε is the same
-share. In a walk of Harpy no pivot is below a third."""
+"""Contacts are redundant where a pivot of J_f M⁻¹ J_fᵀ is below this share of its largest diagonal
+entry; ε is the same share. In a walk of Harpy no pivot is below a third.
+"""
 
 
 class ContactMapRecord(RecordOf):
@@ -41,7 +43,9 @@ class ContactMapRecord(RecordOf):
     factor: Vector = sized("nv", "nv")  # factor L of M = Lᵀ L (:mod:`harpy_pin.model.cholesky`)
     contact: Vector = sized("nv", "3 feet")  # L⁻ᵀ J_fᵀ, one column per touching direction
     inputs: Vector = sized("nv", "thrusts + joints")  # L⁻ᵀ X, one column per input
-    response: Vector = sized("nv", "thrusts + joints")  # M⁻¹ (X + J_fᵀ A), change of the acceleration per input
+    response: Vector = sized(
+        "nv", "thrusts + joints"
+    )  # M⁻¹ (X + J_fᵀ A), change of the acceleration per input
     gain: Vector = sized("3 feet", "thrusts + joints")  # A of the touching directions
     # factor of D = J_f M⁻¹ J_fᵀ, stored like the other; that of D² + ε² if redundant
     delassus: Vector = sized("3 feet", "3 feet")
@@ -57,8 +61,11 @@ def contact_terms(robot: Robot) -> Records[ContactMapRecord]:
 
 
 @kernel
-def unconstrained_drive(d: EquationsRecord, v: Vector, torque: Vector, thrust: Vector, drive: Vector) -> None:
-    """X y − n − B v: the generalised force without that of the ground, from a record of :class:`Dynamics`.
+def unconstrained_drive(
+    d: EquationsRecord, v: Vector, torque: Vector, thrust: Vector, drive: Vector
+) -> None:
+    """X y − n − B v: the generalised force without that of the ground, from a record of
+    :class:`Dynamics`.
 
     ``thrust`` are the thrust variables, see :mod:`harpy_pin.model.rotor`.
     """
@@ -68,9 +75,11 @@ def unconstrained_drive(d: EquationsRecord, v: Vector, torque: Vector, thrust: V
 
 @kernel
 def sticking_force(d: DynamicsRecord, w: ContactMapRecord, count: int) -> None:
-    """Force that gives the first ``count`` directions in ``w.rows`` the accelerations J a = ``w.settling``.
+    """Force that gives the first ``count`` directions in ``w.rows`` the accelerations J a =
+    ``w.settling``.
 
-    Fills factor, contact, delassus, redundant and force; turns ``w.drive`` from a generalised force into L⁻ᵀ drive.
+    Fills factor, contact, delassus, redundant and force; turns ``w.drive`` from a generalised force
+    into L⁻ᵀ drive.
     """
     rows, drive, contact, force = w.rows, w.drive, w.contact, w.force
     nv = drive.shape[0]
@@ -94,7 +103,9 @@ def sticking_force(d: DynamicsRecord, w: ContactMapRecord, count: int) -> None:
     factorise(held, held, least)
     w.redundant = 0
     for a in range(count):
-        if held[a, a] * held[a, a] * least > 0.999:  # the reciprocal of a pivot that the floor has raised
+        if (
+            held[a, a] * held[a, a] * least > 0.999
+        ):  # the reciprocal of a pivot that the floor has raised
             w.redundant = 1
     if w.redundant:
         _square(contact, held, least)

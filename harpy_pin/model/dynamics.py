@@ -1,8 +1,8 @@
 """Rigid-body dynamics of a Pinocchio model: M a + n = S τ + J_fᵀ f + J_tᵀ u_t.
 
-:class:`Dynamics` evaluates every term that the simulator and the whole-body controller need in one pass, into
-arrays that live as long as the object: nothing is allocated per call. Frames, order and signs are those of
-:class:`harpy_pin.model.state.State`.
+:class:`Dynamics` evaluates every term that the simulator and the whole-body controller need in one
+pass, into arrays that live as long as the object: nothing is allocated per call. Frames, order and
+signs are those of :class:`harpy_pin.model.state.State`.
 """
 
 from __future__ import annotations
@@ -52,12 +52,14 @@ class Dynamics(KeepsViews, EquationsRecord):
     Args:
         robot: whose terms.
         gravity: (3,) m/s²; the model's by default.
-        record: where the terms are kept, a part of a larger record, made by :func:`dynamics_record`.
+        record: where the terms are kept, a part of a larger record, made by
+            :func:`dynamics_record`.
 
     Attributes:
         finite: whether the last state was a good one, and all terms are finite: numbers within
             :data:`~harpy_pin.model.entry.MAX_SAMPLE`, and a quaternion of length 0.7 to 1.4.
-        record: all terms, for kernels; the attributes below are views of its fields, which have their names.
+        record: all terms, for kernels; the attributes below are views of its fields, which have
+            their names.
         mass_matrix: (nv, nv) M(q), armature included (CRBA).
         bias: (nv,) n(q, v): Coriolis, centrifugal and gravity terms.
         damping: (nv,) of the joints, N·m·s/rad.
@@ -65,14 +67,16 @@ class Dynamics(KeepsViews, EquationsRecord):
         foot_drift: (3 feet,) J̇ v, acceleration of the feet at zero joint acceleration, m/s².
         foot_position: (feet, 3) world, m.
         foot_velocity: (feet, 3) world axes, m/s.
-        thruster_jacobian: (thrust variables, nv) motion that each thrust variable does work on (the rows of J_t): of a
-            free thruster the linear Jacobian of the mount, world axes; of a rotor its part along the axis, with the
-            rotation about it times the drag (:mod:`harpy_pin.model.rotor`).
+        thruster_jacobian: (thrust variables, nv) motion that each thrust variable does work on (the
+            rows of J_t): of a free thruster the linear Jacobian of the mount, world axes; of a
+            rotor its part along the axis, with the rotation about it times the drag
+            (:mod:`harpy_pin.model.rotor`).
         rotor_axis: (rotors, 3) axes of the rotors, world.
         rotation: (3, 3) base axes to world.
 
-    Those of a controller (``controller.dynamics``) may differ after a tick: on ground that is not level its feet are in
-    contact axes, and ``bias`` has the dry friction of joints, where the robot's is known.
+    Those of a controller (``controller.dynamics``) may differ after a tick: on ground that is not
+    level its feet are in contact axes, and ``bias`` has the dry friction of joints, where the
+    robot's is known.
 
     Raises:
         RobotError: a joint of a kind that :mod:`harpy_pin.model.tree` does not know.
@@ -86,7 +90,9 @@ class Dynamics(KeepsViews, EquationsRecord):
     rotor_axis: Vector
 
     @checked
-    def __init__(self, robot: Robot, *, gravity: Vector | None = None, record: Record | None = None) -> None:
+    def __init__(
+        self, robot: Robot, *, gravity: Vector | None = None, record: Record | None = None
+    ) -> None:
         self.robot = self._robot = robot
         self.finite = False
         self.model = _model(robot, gravity)
@@ -118,10 +124,14 @@ class Dynamics(KeepsViews, EquationsRecord):
 
 
 class DynamicsRecord(EquationsRecord):
-    """Terms of a robot at a state: the attributes of :class:`Dynamics`, and what they are computed from."""
+    """Terms of a robot at a state: the attributes of :class:`Dynamics`, and what they are computed
+    from.
+    """
 
     foot_velocity: Vector = sized("feet", 3)
-    body: NDArray[np.int64]  # (feet + thrusters,) index of the body of each foot, then of each thruster
+    body: NDArray[
+        np.int64
+    ]  # (feet + thrusters,) index of the body of each foot, then of each thruster
     offset: Vector  # (feet + thrusters, 3) their places there, m
     body_axis: Vector  # (rotors, 3) axes of the rotors in the body's frame
     rotor_axis: Vector = sized("rotors", 3)

@@ -1,8 +1,9 @@
 """Where a user's states and commands enter: as kernels need them, or refused by name.
 
-A kernel looks at the sizes and numbers of what it is given itself, which costs it some nanoseconds, before it writes
-anything, and returns a code. Only where that is not :data:`GOOD`, or where the kernel takes no such argument, the
-functions below say what is wrong, or make float64 arrays of what may be used all the same (lists, integers).
+A kernel looks at the sizes and numbers of what it is given itself, which costs it some nanoseconds,
+before it writes anything, and returns a code. Only where that is not :data:`GOOD`, or where the
+kernel takes no such argument, the functions below say what is wrong, or make float64 arrays of what
+may be used all the same (lists, integers).
 """
 
 from __future__ import annotations
@@ -16,7 +17,16 @@ from harpy_pin import checks
 from harpy_pin.errors import InputError
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Command, State, Vector
-from harpy_pin.model.terms import BAD, GOOD, MAX_SAMPLE, MISFIT, all_finite, all_possible, all_possible_rows, is_unit
+from harpy_pin.model.terms import (
+    BAD,
+    GOOD,
+    MAX_SAMPLE,
+    MISFIT,
+    all_finite,
+    all_possible,
+    all_possible_rows,
+    is_unit,
+)
 
 __all__ = [
     "BAD",
@@ -45,27 +55,43 @@ is_finite: Callable[[float], bool] = np.isfinite
 
 
 def as_state(state: State, robot: Robot) -> State:
-    """The state itself where its arrays are float64 and of the robot's sizes, otherwise a copy in which they are."""
+    """The state itself where its arrays are float64 and of the robot's sizes, otherwise a copy in
+    which they are.
+    """
     nq, nv, feet = robot.model.nq, robot.model.nv, (len(robot.feet), 3)
-    shapes = {"q": (nq,), "v": (nv,), "foot_position": feet, "foot_velocity": feet, "foot_force": feet}
+    shapes = {
+        "q": (nq,),
+        "v": (nv,),
+        "foot_position": feet,
+        "foot_velocity": feet,
+        "foot_force": feet,
+    }
     arrays, same = _arrays("state", state, shapes)
     if isinstance(getattr(state, "t", None), float) and same:
         return state
     try:
         t = float(state.t)
     except (AttributeError, TypeError, ValueError):
-        raise InputError("state.t must be a number", name="state.t", value=getattr(state, "t", None)) from None
+        raise InputError(
+            "state.t must be a number", name="state.t", value=getattr(state, "t", None)
+        ) from None
     return State(t, **arrays)
 
 
 def refuse_law(command: Command) -> None:
-    """Raise where a command has a motors' law, of whose torques what corrects torques would know nothing."""
+    """Raise where a command has a motors' law, of whose torques what corrects torques would know
+    nothing.
+    """
     if getattr(command, "_law_", None) is not None:
-        raise InputError("a command with a motors' law is not taken here: give torques alone", name="command.law")
+        raise InputError(
+            "a command with a motors' law is not taken here: give torques alone", name="command.law"
+        )
 
 
 def as_command(command: Command, robot: Robot) -> Command:
-    """A command itself where its arrays are float64, of the robot's sizes and may be written, otherwise a copy."""
+    """A command itself where its arrays are float64, of the robot's sizes and may be written,
+    otherwise a copy.
+    """
     shapes = {"torque": (len(robot.joints),), "thrust": (len(robot.thrusters), 3)}
     arrays, same = _arrays("command", command, shapes)
     law = getattr(command, "law", None)
@@ -79,12 +105,18 @@ def as_command(command: Command, robot: Robot) -> Command:
     return made
 
 
-def _arrays(kind: str, given: Any, shapes: dict[str, tuple[int, ...]]) -> tuple[dict[str, Any], bool]:
-    """The arrays of a state or command by name, and whether all of them are fit for kernels as they are."""
+def _arrays(
+    kind: str, given: Any, shapes: dict[str, tuple[int, ...]]
+) -> tuple[dict[str, Any], bool]:
+    """The arrays of a state or command by name, and whether all of them are fit for kernels as they
+    are.
+    """
     arrays, same = {}, True
     for name, shape in shapes.items():
         if not hasattr(given, name):
-            raise InputError(f"a {kind} must have '{name}', got {type(given).__name__}", name=kind, value=given)
+            raise InputError(
+                f"a {kind} must have '{name}', got {type(given).__name__}", name=kind, value=given
+            )
         value = getattr(given, name)
         arrays[name] = as_array(f"{kind}.{name}", value, shape)
         same = same and arrays[name] is value
@@ -93,6 +125,11 @@ def _arrays(kind: str, given: Any, shapes: dict[str, tuple[int, ...]]) -> tuple[
 
 def as_array(name: str, value: Any, shape: tuple[int, ...]) -> Vector:
     """The array itself where kernels take it, otherwise a copy that they take."""
-    if type(value) is np.ndarray and value.dtype == FLOAT64 and value.shape == shape and value.flags.carray:
+    if (
+        type(value) is np.ndarray
+        and value.dtype == FLOAT64
+        and value.shape == shape
+        and value.flags.carray
+    ):
         return value
     return checks.array(name, value, shape)

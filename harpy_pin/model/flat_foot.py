@@ -1,12 +1,12 @@
 """Flat feet: the corners of a sole as contact points of one rigid body.
 
-The ground exerts one wrench on a flat foot, bounded in friction, in the centre of pressure, and in the moment about the
-normal. A wrench is within these bounds exactly if forces at the corners make it, each in its own friction cone (Caron,
-Pham and Nakamura, ICRA 2015). So the corners are contact points like all others, and their friction cones together
-*are* the cone of the wrench.
+The ground exerts one wrench on a flat foot, bounded in friction, in the centre of pressure, and in
+the moment about the normal. A wrench is within these bounds exactly if forces at the corners make
+it, each in its own friction cone (Caron, Pham and Nakamura, ICRA 2015). So the corners are contact
+points like all others, and their friction cones together *are* the cone of the wrench.
 
-Four corners have twelve accelerations, of which six are independent, because a sole is rigid. What holds a flat foot
-holds those six (:func:`harpy_pin.model.terms.flat_foot_rows`).
+Four corners have twelve accelerations, of which six are independent, because a sole is rigid. What
+holds a flat foot holds those six (:func:`harpy_pin.model.terms.flat_foot_rows`).
 """
 
 from __future__ import annotations
@@ -24,21 +24,28 @@ from harpy_pin.model.state import Vector
 
 LARGEST = 10.0  # longest side of a flat foot, m
 MIN_SPREAD = 1e-3
-"""Least spread of the corners in their narrower direction, root mean square, m: less is a line, which turns freely."""
+"""Least spread of the corners in their narrower direction, root mean square, m: less is a line,
+which turns freely.
+"""
 
 UPRIGHT = 0.99
-"""Least cosine of the angle between the normal of a sole and the vertical in the standing posture."""
+"""Least cosine of the angle between the normal of a sole and the vertical in the standing
+posture.
+"""
 SOLE_DEPTH, SOLE_SIDE = 5e-3, 1e-2
-"""How far above the lowest end of a foot's shapes an end of a sole is, m, and the least side of a sole, m."""
+"""How far above the lowest end of a foot's shapes an end of a sole is, m, and the least side of a
+sole, m.
+"""
 
 
 @dataclass(frozen=True, kw_only=True)
 class FlatFoot:
     """A rectangle on a link, with which the robot stands on flat ground.
 
-    Its corners are feet of the robot, named like its frame with ``_0`` to ``_3`` behind: front left, front right, rear
-    left and rear right, if x of the sole points to the front, y to the left and z up, away from the ground. Where the
-    model has a frame of such a name, the corner's is ``corner:`` with that behind.
+    Its corners are feet of the robot, named like its frame with ``_0`` to ``_3`` behind: front
+    left, front right, rear left and rear right, if x of the sole points to the front, y to the left
+    and z up, away from the ground. Where the model has a frame of such a name, the corner's is
+    ``corner:`` with that behind.
 
     Attributes:
         length: along x of the sole, m.
@@ -55,7 +62,9 @@ class FlatFoot:
     def __post_init__(self) -> None:
         for name in ("length", "width"):
             least = 2.0 * MIN_SPREAD
-            value = checks.number(f"{name} of a flat foot", getattr(self, name), low=least, high=LARGEST)
+            value = checks.number(
+                f"{name} of a flat foot", getattr(self, name), low=least, high=LARGEST
+            )
             checks.keep(self, **{name: value})
         for name in ("centre", "orientation"):
             vector = checks.vector(f"{name} of a flat foot", getattr(self, name), 3)
@@ -74,19 +83,22 @@ class FlatFoot:
 
 
 def find_sole(shapes: Sequence[tuple[pin.SE3, Vector, float]], upright: Vector) -> FlatFoot | None:
-    """The rectangle around the lowest ends of a foot's shapes, where it is level; None for a point or a line.
+    """The rectangle around the lowest ends of a foot's shapes, where it is level; None for a point
+    or a line.
 
-    Of the axes of the lowest shape, if it is a box, else of the frame, the one that is up while the robot stands is the
-    sole's normal, and the one that is to the front its x axis.
+    Of the axes of the lowest shape, if it is a box, else of the frame, the one that is up while the
+    robot stands is the sole's normal, and the one that is to the front its x axis.
 
     Args:
-        shapes: place of each in the frame, half of its sides (3,), m, and the radius of the ball at each of its
-            corners, m; zero of a box.
+        shapes: place of each in the frame, half of its sides (3,), m, and the radius of the ball at
+            each of its corners, m; zero of a box.
         upright: (3, 3) the frame's axes while the robot stands, in the world.
     """
     ends, lowest, axes = [], np.inf, upright
     for place, half, radius in shapes:
-        own = [(*(upright @ place.act(half * sign)), radius) for sign in product((-1.0, 1.0), repeat=3)]
+        own = [
+            (*(upright @ place.act(half * sign)), radius) for sign in product((-1.0, 1.0), repeat=3)
+        ]
         height = min(end[2] - end[3] for end in own)
         if height < lowest:
             lowest, axes = height, upright @ place.rotation if radius == 0.0 else upright
@@ -102,7 +114,9 @@ def find_sole(shapes: Sequence[tuple[pin.SE3, Vector, float]], upright: Vector) 
         return None
     turn, middle = upright.T @ sole, (*(0.5 * (low + high))[:2], low[2])
     length, width, _ = high - low
-    return FlatFoot(length=length, width=width, centre=turn @ middle, orientation=pin.rpy.matrixToRpy(turn))
+    return FlatFoot(
+        length=length, width=width, centre=turn @ middle, orientation=pin.rpy.matrixToRpy(turn)
+    )
 
 
 def add_flat_feet(
@@ -110,13 +124,16 @@ def add_flat_feet(
 ) -> tuple[tuple[str, ...], tuple[int, ...]]:
     """Add the corners of flat feet to a model, which has the frames of the feet already, as frames.
 
-    Returns the names of the contact points in the order of the feet, and how many of them each foot has.
+    Returns the names of the contact points in the order of the feet, and how many of them each foot
+    has.
     """
     for name, foot in checks.mapping("flat_feet", flat_feet).items():
         if name not in feet:
             raise InputError.unknown("flat foot", name, feet)
         if not isinstance(foot, FlatFoot):
-            raise InputError(f"the flat foot '{name}' must be a FlatFoot, got {shown(foot)}", name="flat_feet")
+            raise InputError(
+                f"the flat foot '{name}' must be a FlatFoot, got {shown(foot)}", name="flat_feet"
+            )
     points: list[str] = []
     counts: list[int] = []
     for name in feet:
@@ -131,6 +148,8 @@ def add_flat_feet(
             points.append(f"{name}_{i}")
             while model.existFrame(points[-1]):
                 points[-1] = f"corner:{points[-1]}"
-            model.addFrame(pin.Frame(points[-1], frame.parentJoint, number, place, pin.FrameType.OP_FRAME))
+            model.addFrame(
+                pin.Frame(points[-1], frame.parentJoint, number, place, pin.FrameType.OP_FRAME)
+            )
         counts.append(len(flat_feet[name].corners))
     return tuple(points), tuple(counts)

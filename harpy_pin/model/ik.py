@@ -1,6 +1,7 @@
 """Iterative inverse kinematics on Pinocchio, for any robot and frames, and standing postures by it.
 
-A posture is found for robots whose files have none: legs bent, every foot below its hip, all feet on one level.
+A posture is found for robots whose files have none: legs bent, every foot below its hip, all feet
+on one level.
 """
 
 from __future__ import annotations
@@ -22,15 +23,23 @@ from harpy_pin.model.robot import Robot, configuration
 from harpy_pin.model.state import Vector
 
 BENT, SOLE_BENT = (0.75, 0.85, 0.65, 0.92), (0.92, 0.85, 0.75)
-"""Heights of the hips above point feet and soles that are tried one after the other, in lengths of the leg."""
+"""Heights of the hips above point feet and soles that are tried one after the other, in lengths of
+the leg.
+"""
 STARTS, ITERATIONS, CLOSE = 12, 60, 1e-6
-"""Configurations from which each leg's inverse kinematics begins, its steps from each, at most, and its error, m."""
+"""Configurations from which each leg's inverse kinematics begins, its steps from each, at most, and
+its error, m.
+"""
 STALLED = 1e12  # damping from which on steps are none
 UPRIGHT = 0.7
-"""Cosine of the angle between the normal of a sole and the vertical, below which a message says it."""
+"""Cosine of the angle between the normal of a sole and the vertical, below which a message says
+it.
+"""
 LEVEL = 2e-3  # largest difference between the heights of the feet in a posture, m
 BACKWARD = 0.1
-"""Of postures alike in their angles the one with the knees further back is taken, in rad² per metre."""
+"""Of postures alike in their angles the one with the knees further back is taken, in rad² per
+metre.
+"""
 
 
 class IKStatus(Enum):
@@ -75,7 +84,8 @@ def solve_ik(
     restarts: int = 5,
     seed: int = 0,
 ) -> IKResult:
-    """Configuration that puts frames at targets, by Levenberg–Marquardt with joint limits; the base stays.
+    """Configuration that puts frames at targets, by Levenberg–Marquardt with joint limits; the base
+    stays.
 
     Args:
         robot: any robot.
@@ -83,8 +93,8 @@ def solve_ik(
         q: (nq,) starting configuration; joints outside their limits are first moved onto them.
         tolerance: norm of the stacked error at which the problem counts as solved, m and rad.
         max_iterations: limit of steps tried from each start.
-        restarts: how often to start again, joints drawn within their limits, when the descent from ``q`` ends in a
-            local minimum or against a limit.
+        restarts: how often to start again, joints drawn within their limits, when the descent from
+            ``q`` ends in a local minimum or against a limit.
         seed: of the restarts.
 
     Returns:
@@ -119,9 +129,15 @@ class _Problem:
         self._tasks: list[tuple[int, pin.SE3 | None, Vector]] = []
         for name, target in targets.items():
             pose = target if isinstance(target, pin.SE3) else None
-            point = checks.vector(f"target of '{name}'", pose.translation if pose is not None else target, 3)
+            point = checks.vector(
+                f"target of '{name}'", pose.translation if pose is not None else target, 3
+            )
             self._tasks.append((robot.frame_id(name), pose, point))
-        chains = {j for i, _, _ in self._tasks for j in self.model.supports[self.model.frames[i].parentJoint]}
+        chains = {
+            j
+            for i, _, _ in self._tasks
+            for j in self.model.supports[self.model.frames[i].parentJoint]
+        }
         self._moving = np.array([j in chains for j in range(2, self.model.njoints)], dtype=bool)
 
     def bounded(self, q: Vector) -> Vector:
@@ -131,7 +147,9 @@ class _Problem:
         return clipped
 
     def draw(self, q: Vector, rng: np.random.Generator) -> Vector:
-        """A configuration with the joints that move a target drawn within their limits (±π where there are none)."""
+        """A configuration with the joints that move a target drawn within their limits (±π where
+        there are none).
+        """
         drawn = q.copy()
         joints = rng.uniform(*_drawn(self._lower, self._upper))
         drawn[7:][self._moving] = joints[self._moving]
@@ -163,12 +181,16 @@ class _Problem:
         return np.concatenate(rows)
 
     def descend(self, q: Vector, *, tolerance: float, max_iterations: int) -> IKResult:
-        """Levenberg–Marquardt from one start; a joint at a limit that the descent pushes further is held."""
+        """Levenberg–Marquardt from one start; a joint at a limit that the descent pushes further is
+        held.
+        """
         current, residual, damping, iterations = q, self.errors(q), 1e-3, 0
         while (norm := float(np.linalg.norm(residual))) > tolerance and iterations < max_iterations:
             full = self.jacobian(current)
             slope, joints = (full.T @ residual)[6:], current[7:]
-            held = ((joints <= self._lower) & (slope > 0.0)) | ((joints >= self._upper) & (slope < 0.0))
+            held = ((joints <= self._lower) & (slope > 0.0)) | (
+                (joints >= self._upper) & (slope < 0.0)
+            )
             active = np.append(np.zeros(6, dtype=bool), ~held)
             reduced, improved = full[:, active], False
             while not improved and iterations < max_iterations and damping < STALLED:
@@ -189,7 +211,9 @@ class _Problem:
 
 
 def _drawn(lower: Vector, upper: Vector) -> tuple[Vector, Vector]:
-    """Ranges within limits from which angles are drawn: of ±π, or the next turn where the limits are beyond it."""
+    """Ranges within limits from which angles are drawn: of ±π, or the next turn where the limits
+    are beyond it.
+    """
     turn = 2.0 * np.pi
     low = np.where(upper < -np.pi, np.maximum(lower, upper - turn), np.maximum(lower, -np.pi))
     return low, np.where(lower > np.pi, np.minimum(upper, lower + turn), np.minimum(upper, np.pi))
@@ -199,9 +223,10 @@ def _drawn(lower: Vector, upper: Vector) -> tuple[Vector, Vector]:
 def find_posture(robot: Robot) -> Vector:
     """(joints,) angles in which a robot with feet stands, rad.
 
-    They are those that were given; its file's, if its feet are on one level. Otherwise feet are below the hips, of
-    sprawling legs below the knees as these are at zero; soles are level, and joints of no leg at zero or the next
-    limit. An :class:`InputError` says that no such posture was found, and why it may be.
+    They are those that were given; its file's, if its feet are on one level. Otherwise feet are
+    below the hips, of sprawling legs below the knees as these are at zero; soles are level, and
+    joints of no leg at zero or the next limit. An :class:`InputError` says that no such posture was
+    found, and why it may be.
     """
     model, data, q = robot.model, robot.model.createData(), pin.neutral(robot.model)
     if robot.posture is not None:
@@ -219,19 +244,33 @@ def find_posture(robot: Robot) -> Vector:
         middle = np.mean([corner.translation for corner in corners], axis=0)
         below = leg.joints[leg.knee :] if leg.sprawls else leg.below_hip
         points = [*(data.oMi[j].translation for j in below), middle]
-        hip[k], length[k] = points[0], sum(float(np.linalg.norm(b - a)) for a, b in pairwise(points))
-        turn = pin.Quaternion.FromTwoVectors(corners[0].rotation[:, 2], np.array((0.0, 0.0, 1.0))).matrix()
+        hip[k], length[k] = (
+            points[0],
+            sum(float(np.linalg.norm(b - a)) for a, b in pairwise(points)),
+        )
+        turn = pin.Quaternion.FromTwoVectors(
+            corners[0].rotation[:, 2], np.array((0.0, 0.0, 1.0))
+        ).matrix()
         aside = hip[k, 1] if leg.sprawls else middle[1]
         place = np.array((hip[k, 0], aside, 0.0)) + turn @ (corners[0].translation - middle)
         target.append(pin.SE3(turn @ corners[0].rotation, place))
     for bent in SOLE_BENT if robot.flat_feet else BENT:
-        posture, down = q.copy(), pin.SE3(np.eye(3), np.array((0.0, 0.0, (hip[:, 2] - bent * length).max())))
+        posture, down = (
+            q.copy(),
+            pin.SE3(np.eye(3), np.array((0.0, 0.0, (hip[:, 2] - bent * length).max()))),
+        )
         pairs = zip(found, target, strict=True)
         if all(leg.joints and _bend(robot, q, leg, down * end, posture) for leg, end in pairs):
             return np.array(posture[7:])
-    message = f"no standing posture of '{robot.name}' was found: give one, of {len(robot.joints)} angles"
+    message = (
+        f"no standing posture of '{robot.name}' was found: give one, of {len(robot.joints)} angles"
+    )
     message = f"{message} in the order of robot.joints"
-    up = [data.oMf[robot.frame_id(leg.points[0])].rotation[2, 2] for leg in found if len(leg.points) > 1]
+    up = [
+        data.oMf[robot.frame_id(leg.points[0])].rotation[2, 2]
+        for leg in found
+        if len(leg.points) > 1
+    ]
     if min(up, default=1.0) < UPRIGHT:
         message += "; its soles do not face the ground at zero: a FlatFoot has an orientation"
     lame = [leg.points[0] for leg in found if not leg.joints]
@@ -239,7 +278,10 @@ def find_posture(robot: Robot) -> Vector:
         message += f"; no joint moves '{lame[0]}' alone"
     hub = next((leg for leg in found if leg.hub), None)
     if hub is not None:
-        message += f"; '{hub.points[0]}' is on the axis of '{model.names[hub.joints[-1]]}', which cannot move it: "
+        message += (
+            f"; '{hub.points[0]}' is on the axis of '{model.names[hub.joints[-1]]}', which "
+            f"cannot move it: "
+        )
         message += "a foot is at the end of its leg"
     still = {j + 2 for j in np.flatnonzero(robot.joint_lower == robot.joint_upper)}
     fixed = [model.names[j] for leg in found for j in leg.joints if j in still]
@@ -249,31 +291,47 @@ def find_posture(robot: Robot) -> Vector:
 
 
 def _bend(robot: Robot, q: Vector, leg: Leg, end: pin.SE3, posture: Vector) -> bool:
-    """Set the angles of a leg in a posture so that its first contact point is at a place, that of a sole turned as it
-    is there; whether that is in reach. Joints of no leg stay as in q."""
+    """Set the angles of a leg in a posture so that its first contact point is at a place, that of a
+    sole turned as it is there; whether that is in reach. Joints of no leg stay as in q.
+    """
     model, data = robot.model.copy(), robot.model.createData()
-    rng, least, columns = np.random.default_rng(0), np.inf, [model.joints[j].idx_q for j in leg.joints]
+    rng, least, columns = (
+        np.random.default_rng(0),
+        np.inf,
+        [model.joints[j].idx_q for j in leg.joints],
+    )
     others = np.setdiff1d(np.arange(7, model.nq), columns)
     model.lowerPositionLimit[others] = model.upperPositionLimit[others] = q[others]
-    robot, targets = replace(robot, model=model), {leg.points[0]: end if len(leg.points) > 1 else end.translation}
+    robot, targets = (
+        replace(robot, model=model),
+        {leg.points[0]: end if len(leg.points) > 1 else end.translation},
+    )
     low, high = _drawn(model.lowerPositionLimit, model.upperPositionLimit)
     for _ in range(STARTS):
         start = q.copy()
         start[columns] = rng.uniform(low[columns], high[columns])
-        found = solve_ik(robot, targets, start, tolerance=CLOSE, max_iterations=ITERATIONS, restarts=0)
+        found = solve_ik(
+            robot, targets, start, tolerance=CLOSE, max_iterations=ITERATIONS, restarts=0
+        )
         pin.forwardKinematics(model, data, found.q)
-        cost = float(np.sum(found.q[columns] ** 2)) + BACKWARD * float(data.oMi[leg.joints[-1]].translation[0])
+        cost = float(np.sum(found.q[columns] ** 2)) + BACKWARD * float(
+            data.oMi[leg.joints[-1]].translation[0]
+        )
         if found.converged and cost < least:
             least, posture[columns] = cost, found.q[columns]
     if least < np.inf and len(columns) > (6 if len(leg.points) > 1 else 3):
-        _straighten(_Problem(robot, targets), posture, columns, [model.joints[j].idx_v for j in leg.joints])
+        _straighten(
+            _Problem(robot, targets), posture, columns, [model.joints[j].idx_v for j in leg.joints]
+        )
     return least < np.inf
 
 
 def _straighten(problem: _Problem, posture: Vector, columns: list[int], moving: list[int]) -> None:
-    """Of a leg with more joints than its foot needs, move them to the least angles that leave the foot where it is.
+    """Of a leg with more joints than its foot needs, move them to the least angles that leave the
+    foot where it is.
 
-    So legs that mirror each other have postures that do: of all that reach, drawn configurations find any.
+    So legs that mirror each other have postures that do: of all that reach, drawn configurations
+    find any.
     """
     for _ in range(ITERATIONS):
         jacobian, angles = problem.jacobian(posture)[:, moving], posture[columns]

@@ -1,4 +1,6 @@
-"""Kinematics of Harpy's legs in closed form; :mod:`harpy_pin.model.ik` solves for any robot and frames."""
+"""Kinematics of Harpy's legs in closed form; :mod:`harpy_pin.model.ik` solves for any robot and
+frames.
+"""
 
 from __future__ import annotations
 
@@ -57,23 +59,34 @@ class LegGeometry:
 
         Raises:
             InputError: no such frame.
-            RobotError: the leg is not a hip x, hip y, knee y chain with straight links of some length.
+            RobotError: the leg is not a hip x, hip y, knee y chain with straight links of some
+                length.
         """
         model = robot.model
         frame = model.frames[robot.frame_id(foot)]
         chain = list(model.supports[frame.parentJoint])[2:]
         names = [model.joints[j].shortname() for j in chain]
         if names != ["JointModelRX", "JointModelRY", "JointModelRY"]:
-            raise RobotError(f"the leg of '{foot}' is {names}, not hip x, hip y, knee y; use harpy_pin.model.solve_ik")
+            raise RobotError(
+                f"the leg of '{foot}' is {names}, not hip x, hip y, knee y; use "
+                f"harpy_pin.model.solve_ik"
+            )
         frontal, sagittal, knee = (model.jointPlacements[j] for j in chain)
         points = [sagittal.translation, knee.translation, frame.placement.translation]
         straight = all(np.allclose(p.rotation, np.eye(3)) for p in (frontal, sagittal, knee))
-        if not straight or any(np.any(np.abs(np.delete(p, k)) > 1e-12) for p, k in zip(points, (1, 2, 2), strict=True)):
-            raise RobotError(f"the leg of '{foot}' has offset or turned links; use harpy_pin.model.solve_ik")
+        if not straight or any(
+            np.any(np.abs(np.delete(p, k)) > 1e-12) for p, k in zip(points, (1, 2, 2), strict=True)
+        ):
+            raise RobotError(
+                f"the leg of '{foot}' has offset or turned links; use harpy_pin.model.solve_ik"
+            )
         x, y, z = (float(c) for c in frontal.translation)
         try:
             return cls(
-                hip=(x, y, z), offset=float(points[0][1]), upper=float(-points[1][2]), lower=float(-points[2][2])
+                hip=(x, y, z),
+                offset=float(points[0][1]),
+                upper=float(-points[1][2]),
+                lower=float(-points[2][2]),
             )
         except InputError as error:
             raise RobotError(f"the leg of '{foot}': {error}", path=robot.urdf) from error
@@ -114,12 +127,14 @@ def leg_inverse(leg: LegRecord, foot: Vector, out: Vector) -> float:
         out: (3,) hip frontal, hip sagittal, knee, rad.
 
     Returns:
-        0 where the point is reached. Otherwise how far away it is, m, and ``out`` is the nearest point of the
+        0 where the point is reached. Otherwise how far away it is, m, and ``out`` is the nearest
+        point of the
         workspace: never a silent clip.
     """
     d, upper, lower = leg.offset, leg.upper, leg.lower
     x, y, z = foot - leg.hip
-    # In the half-plane (x, ρ) through the hip frontal axis the workspace is ρ ≥ |d| between two circles about the hip.
+    # In the half-plane (x, ρ) through the hip frontal axis the workspace is ρ ≥ |d| between two
+    # circles about the hip.
     radial = np.hypot(y, z)
     outer, inner = np.sqrt((upper + lower) ** 2 + d * d), np.sqrt((upper - lower) ** 2 + d * d)
     distance = np.hypot(x, radial)
@@ -152,7 +167,8 @@ def leg_inverse(leg: LegRecord, foot: Vector, out: Vector) -> float:
 
 @checked
 def leg_inverse_kinematics(geometry: LegGeometry, foot: ArrayLike) -> Vector:
-    """Joint angles that put the foot at a point (closed form; equations.md §3, equivalent serial chain).
+    """Joint angles that put the foot at a point (closed form; equations.md §3, equivalent serial
+    chain).
 
     Args:
         geometry: the leg.
@@ -162,7 +178,8 @@ def leg_inverse_kinematics(geometry: LegGeometry, foot: ArrayLike) -> Vector:
         (3,) hip frontal, hip sagittal, knee, rad, with the knee in [0, π].
 
     Raises:
-        OutOfReachError: the leg is too short, or too long, to reach the point; the error has the nearest solution.
+        OutOfReachError: the leg is too short, or too long, to reach the point; the error has the
+            nearest solution.
         InputError: the point is not a finite 3-vector.
     """
     target = checks.vector("foot", foot, 3)

@@ -25,10 +25,11 @@ class Leg:
     Attributes:
         points: frame names of the foot's contact points.
         joints: Pinocchio's numbers of the joints, from the base on.
-        knee: which of ``joints`` is the knee: the first one whose axis is parallel to that of a joint above it, and
-            beside it, so that the two bend the leg; without such joints the second one, −1 where there are none.
-        sprawls: whether the first of three joints turns the leg about the vertical at zero, as insects have it, and
-            the last one moves the foot.
+        knee: which of ``joints`` is the knee: the first one whose axis is parallel to that of a
+            joint above it, and beside it, so that the two bend the leg; without such joints the
+            second one, −1 where there are none.
+        sprawls: whether the first of three joints turns the leg about the vertical at zero, as
+            insects have it, and the last one moves the foot.
         hub: whether the foot is on the axis of the last joint, which then cannot move it.
     """
 
@@ -40,7 +41,9 @@ class Leg:
 
     @property
     def below_hip(self) -> tuple[int, ...]:
-        """The joints from the last one above the knee on; the leg's length is measured from there."""
+        """The joints from the last one above the knee on; the leg's length is measured from
+        there.
+        """
         return self.joints[max(self.knee - 1, 0) :]
 
 
@@ -63,13 +66,18 @@ def legs(robot: Robot) -> list[Leg]:
         bends = [
             any(
                 abs(axis[i] @ axis[j]) > PARALLEL
-                and np.linalg.norm(np.cross(axis[j], data.oMi[j].translation - data.oMi[i].translation)) > APART
+                and np.linalg.norm(
+                    np.cross(axis[j], data.oMi[j].translation - data.oMi[i].translation)
+                )
+                > APART
                 for i in joints[:k]
             )
             for k, j in enumerate(joints)
         ]
         knee = bends.index(True) if any(bends) else min(1, len(joints) - 1)
-        hub = bool(joints) and bool(np.linalg.norm(np.cross(own[joints[-1] - 1], end.placement.translation)) < HUB)
+        hub = bool(joints) and bool(
+            np.linalg.norm(np.cross(own[joints[-1] - 1], end.placement.translation)) < HUB
+        )
         sprawls = len(joints) == 3 and not hub and bool(abs(axis[joints[0]][2]) > PARALLEL)
         found.append(Leg(points, joints, knee, sprawls, hub))
     return found

@@ -1,8 +1,9 @@
-"""Memory of objects that kernels write into: arrays that stay where they are, and copies whose views are views again.
+"""Memory of objects that kernels write into: arrays that stay where they are, and copies whose
+views are views again.
 
-NumPy copies each view by itself, an attribute can be bound to any array, and an array can be given another shape or
-length in place. So kernels would write into a record that no attribute shows any more, or past the end of an array that
-is too short.
+NumPy copies each view by itself, an attribute can be bound to any array, and an array can be given
+another shape or length in place. So kernels would write into a record that no attribute shows any
+more, or past the end of an array that is too short.
 """
 
 from __future__ import annotations
@@ -27,13 +28,15 @@ ALIGNED = 64  # bytes: vectors of processors lie well there
 def fixed_arrays(*names: str, copied: bool = True) -> Callable[[_Kind], _Kind]:
     """A decorator of classes: these attributes are arrays that stay where they are.
 
-    The first assignment, in ``__init__``, makes the array an attribute. Every later one writes into it, after a check
-    of its shape and of its numbers. The array is kept as ``_name_``, which code of every tick reads: it is faster, and
-    its shape is fixed. The attribute is a view of its memory, made at each access, and that memory cannot be resized.
+    The first assignment, in ``__init__``, makes the array an attribute. Every later one writes into
+    it, after a check of its shape and of its numbers. The array is kept as ``_name_``, which code
+    of every tick reads: it is faster, and its shape is fixed. The attribute is a view of its
+    memory, made at each access, and that memory cannot be resized.
 
     Args:
         names: of the attributes.
-        copied: without, an array that owns its memory is kept itself: for objects of a moment, whose readers check it.
+        copied: without, an array that owns its memory is kept itself: for objects of a moment,
+            whose readers check it.
     """
 
     def decorate(kind: _Kind) -> _Kind:
@@ -64,7 +67,9 @@ def _fixed_array(name: str, *, copied: bool) -> property:
             return held
         if held.dtype.names is None:
             return held[...]
-        from harpy_pin.kernels.record_view import RecordView  # only objects that kernels work on have records
+        from harpy_pin.kernels.record_view import (
+            RecordView,
+        )  # only objects that kernels work on have records
 
         return held.view(RecordView)
 
@@ -73,11 +78,17 @@ def _fixed_array(name: str, *, copied: bool) -> property:
 
 def _plain(value: Any) -> Any:
     """An array of no other class; other values as they are."""
-    return value.view(np.ndarray) if isinstance(value, np.ndarray) and type(value) is not np.ndarray else value
+    return (
+        value.view(np.ndarray)
+        if isinstance(value, np.ndarray) and type(value) is not np.ndarray
+        else value
+    )
 
 
 def lasting(array: _Array) -> _Array:
-    """A copy of an array in memory that cannot be resized, nor can its own shape be changed through its ``base``."""
+    """A copy of an array in memory that cannot be resized, nor can its own shape be changed through
+    its ``base``.
+    """
     memory = room(array.nbytes + ALIGNED)
     made = np.ndarray(array.shape, array.dtype, memory, -memory.ctypes.data % ALIGNED)
     made[...] = array
@@ -91,7 +102,11 @@ def room(size: int) -> NDArray[np.uint8]:
 
 def _same(value: Any, held: _Array) -> bool:
     """Whether a value is the held array, or a view of all of it."""
-    return isinstance(value, np.ndarray) and value.shape == held.shape and value.ctypes.data == held.ctypes.data
+    return (
+        isinstance(value, np.ndarray)
+        and value.shape == held.shape
+        and value.ctypes.data == held.ctypes.data
+    )
 
 
 def move_array(holder: Any, name: str, array: _Array) -> None:
@@ -115,7 +130,10 @@ def _checked(name: str, value: ArrayLike, held: _Array) -> _Array:
         return checks.vector(name, value, held.shape)
     given = np.asarray(value)
     if given.shape != held.shape or not np.can_cast(given.dtype, held.dtype, "same_kind"):
-        message = f"{name} must have shape {held.shape} and type {held.dtype}, got {given.shape} and {given.dtype}"
+        message = (
+            f"{name} must have shape {held.shape} and type {held.dtype}, got {given.shape} "
+            f"and {given.dtype}"
+        )
         raise InputError(message, name=name, value=value)
     return given
 
@@ -123,7 +141,8 @@ def _checked(name: str, value: ArrayLike, held: _Array) -> _Array:
 class KeepsViews:
     """Base of objects that share memory with each other or with views of their own.
 
-    ``copy.copy`` and ``copy.deepcopy`` both give an object with memory of its own; ``pickle`` works, too.
+    ``copy.copy`` and ``copy.deepcopy`` both give an object with memory of its own; ``pickle``
+    works, too.
     """
 
     __slots__ = ()
@@ -138,7 +157,11 @@ class KeepsViews:
 
     def __reduce__(self) -> tuple[Any, ...]:
         slots = [name for kind in type(self).__mro__ for name in getattr(kind, "__slots__", ())]
-        state = {name: getattr(self, name) for name in slots if name != "__weakref__" and hasattr(self, name)}
+        state = {
+            name: getattr(self, name)
+            for name in slots
+            if name != "__weakref__" and hasattr(self, name)
+        }
         state |= getattr(self, "__dict__", {})
         kept = {name: _packed(state[name]) for name in state.keys() - {*self._made_anew}}
         return object.__new__, (type(self),), kept
@@ -150,7 +173,9 @@ class KeepsViews:
 
 
 class _Part:
-    """An array that is a part of another one, or all of it, on its way through a copy or a pickle."""
+    """An array that is a part of another one, or all of it, on its way through a copy or a
+    pickle.
+    """
 
     def __init__(self, part: _Array) -> None:
         array = part
@@ -158,7 +183,14 @@ class _Part:
             array = array.base
         owner = array.base if isinstance(array.base, bytearray) else array
         offset = int(part.__array_interface__["data"][0] - array.__array_interface__["data"][0])
-        self._arguments: tuple[Any, ...] = (owner, part.dtype, part.shape, offset, part.strides, part.flags.writeable)
+        self._arguments: tuple[Any, ...] = (
+            owner,
+            part.dtype,
+            part.shape,
+            offset,
+            part.strides,
+            part.flags.writeable,
+        )
 
     def __reduce__(self) -> tuple[Any, ...]:
         return _part_of, self._arguments
@@ -191,4 +223,6 @@ def _part_of(
 
 
 _DTYPES: dict[np.dtype[Any], np.dtype[Any]] = {}
-"""One object for equal types of records, which a call of a kernel compares at a glance; a pickle brings others."""
+"""One object for equal types of records, which a call of a kernel compares at a glance; a pickle
+brings others.
+"""

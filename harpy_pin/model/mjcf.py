@@ -1,8 +1,9 @@
-"""Robots in MuJoCo's format: a Pinocchio model of what MuJoCo compiles, and what a compiled model knows of joints.
+"""Robots in MuJoCo's format: a Pinocchio model of what MuJoCo compiles, and what a compiled model
+knows of joints.
 
-MuJoCo compiles the file, so that classes, frames, included files, units and inertias of meshes are as it has them. What
-a tree of rigid bodies has no place for is refused where it changes how the robot can move, and said in a warning
-otherwise.
+MuJoCo compiles the file, so that classes, frames, included files, units and inertias of meshes are
+as it has them. What a tree of rigid bodies has no place for is refused where it changes how the
+robot can move, and said in a warning otherwise.
 """
 
 from __future__ import annotations
@@ -40,7 +41,9 @@ def import_mujoco() -> Any:
     try:
         import mujoco
     except ImportError as error:
-        raise InputError(f"no MuJoCo ({error}): {install_line('mujoco')}", name="plant", value="mujoco") from error
+        raise InputError(
+            f"no MuJoCo ({error}): {install_line('mujoco')}", name="plant", value="mujoco"
+        ) from error
     return mujoco
 
 
@@ -75,13 +78,15 @@ class Description:
 def read_mujoco(model: Any, frames: Sequence[str], label: str) -> Description:
     """One robot in a ``mujoco.MjModel``.
 
-    The robot is the tree of bodies under a free joint that has one of these frames; without frames the tree with most
-    joints. Angles are MuJoCo's: a joint at ``ref`` is as it is drawn in the file. Named bodies, sites, geoms and joints
-    are frames. Of several with one name the first of that order has it, and the others have their kind before it:
-    ``site:FL_foot``. The posture is the keyframe ``home``.
+    The robot is the tree of bodies under a free joint that has one of these frames; without frames
+    the tree with most joints. Angles are MuJoCo's: a joint at ``ref`` is as it is drawn in the
+    file. Named bodies, sites, geoms and joints are frames. Of several with one name the first of
+    that order has it, and the others have their kind before it: ``site:FL_foot``. The posture is
+    the keyframe ``home``.
 
-    Soles are the flat ones of these frames: rectangles around the ends of the lowest boxes, capsules, spheres and
-    meshes of the frame's body that collide, or of the geom itself, where these are level in the posture.
+    Soles are the flat ones of these frames: rectangles around the ends of the lowest boxes,
+    capsules, spheres and meshes of the frame's body that collide, or of the geom itself, where
+    these are level in the posture.
 
     Args:
         model: is not changed.
@@ -89,8 +94,8 @@ def read_mujoco(model: Any, frames: Sequence[str], label: str) -> Description:
         label: of the file, before warnings; the name of a robot whose file has none.
 
     Raises:
-        InputError: no body has a free joint, or the robot has what no tree of rigid bodies has: a ball joint, an active
-            equality constraint, or a motor that pushes one way only.
+        InputError: no body has a free joint, or the robot has what no tree of rigid bodies has: a
+            ball joint, an active equality constraint, or a motor that pushes one way only.
         RobotError: as :func:`harpy_pin.model.urdf.check_bodies`.
     """
     model = in_effect(model)
@@ -104,9 +109,15 @@ def read_mujoco(model: Any, frames: Sequence[str], label: str) -> Description:
     check_bodies(built)
     left = left_out(model, bodies, joints)
     if not np.array_equal(model.opt.gravity, pin.Model().gravity.linear):
-        left.append(f"gravity {model.opt.gravity} m/s², which the robot's model has, but no gait and no plant expects")
+        left.append(
+            f"gravity {model.opt.gravity} m/s², which the robot's model has, but no gait and no "
+            f"plant expects"
+        )
     if left:
-        warnings.warn(f"{shown(label, 300)} has what a tree of rigid bodies has not: {'; '.join(left)}", stacklevel=4)
+        warnings.warn(
+            f"{shown(label, 300)} has what a tree of rigid bodies has not: {'; '.join(left)}",
+            stacklevel=4,
+        )
     root = body_name(model, bodies[0])
     names = ("home", f"{root.removesuffix(plain_name(root))}home")
     home = [key for key in range(model.nkey) if str(model.key(key).name) in names]
@@ -120,9 +131,15 @@ def read_mujoco(model: Any, frames: Sequence[str], label: str) -> Description:
             frame = built.getFrameId(name)
             if sole := _sole(model, kind, body, number, data.oMf[frame].rotation):
                 soles[name] = sole
-            geoms = [g for g in range(model.ngeom) if held.get(model.geom_bodyid[g], (0,))[0] == held[body][0]]
+            geoms = [
+                g
+                for g in range(model.ngeom)
+                if held.get(model.geom_bodyid[g], (0,))[0] == held[body][0]
+            ]
             places = [held[model.geom_bodyid[g]][1].act(model.geom_pos[g]) for g in geoms]
-            radii[name] = sphere_radius(model, geoms, places, built.frames[frame].placement.translation)
+            radii[name] = sphere_radius(
+                model, geoms, places, built.frames[frame].placement.translation
+            )
     return Description(built, posture, soles, radii)
 
 
@@ -134,7 +151,8 @@ def touching_geoms(model: Any) -> NDArray[np.bool_]:
 
 
 def sphere_radius(model: Any, geoms: Sequence[int], places: ArrayLike, point: Vector) -> float:
-    """Radius of the largest of some spheres that touch and have a point inside, m; 0 where none does.
+    """Radius of the largest of some spheres that touch and have a point inside, m; 0 where none
+    does.
 
     Args:
         model: ``mujoco.MjModel``.
@@ -143,18 +161,28 @@ def sphere_radius(model: Any, geoms: Sequence[int], places: ArrayLike, point: Ve
         point: (3,).
     """
     sphere = touching_geoms(model) & (model.geom_type == int(import_mujoco().mjtGeom.mjGEOM_SPHERE))
-    size, apart = model.geom_size[geoms, 0], np.linalg.norm(np.reshape(places, (-1, 3)) - point, axis=1)
+    size, apart = (
+        model.geom_size[geoms, 0],
+        np.linalg.norm(np.reshape(places, (-1, 3)) - point, axis=1),
+    )
     return float(size[sphere[geoms] & (apart <= size)].max(initial=0.0))
 
 
 def _sole(model: Any, kind: str, body: int, number: int, upright: Vector) -> FlatFoot | None:
-    """The sole of a frame's body, or of a geom, whose axes are ``upright`` (3, 3) while the robot stands."""
+    """The sole of a frame's body, or of a geom, whose axes are ``upright`` (3, 3) while the robot
+    stands.
+    """
     own, shapes, found = pin.SE3.Identity(), import_mujoco().mjtGeom, []
     if kind in ("site", "geom"):
-        own = placement(getattr(model, f"{kind}_pos")[number], getattr(model, f"{kind}_quat")[number])
+        own = placement(
+            getattr(model, f"{kind}_pos")[number], getattr(model, f"{kind}_quat")[number]
+        )
     touching = (model.geom_bodyid == body) & touching_geoms(model)
     for geom in [number] if kind == "geom" else np.flatnonzero(touching):
-        place, size = own.actInv(placement(model.geom_pos[geom], model.geom_quat[geom])), model.geom_size[geom]
+        place, size = (
+            own.actInv(placement(model.geom_pos[geom], model.geom_quat[geom])),
+            model.geom_size[geom],
+        )
         match int(model.geom_type[geom]):
             case shapes.mjGEOM_BOX:
                 found.append((place, size, 0.0))
@@ -168,7 +196,9 @@ def _sole(model: Any, kind: str, body: int, number: int, upright: Vector) -> Fla
                 ends = model.mesh_vert[first : first + count] @ place.rotation.T + place.translation
                 height = ends @ upright[2]
                 lowest = ends[height < height.min() + SOLE_DEPTH]
-                found += [(pin.SE3(np.eye(3), end), np.zeros(3), 0.0) for end in lowest.astype(float)]
+                found += [
+                    (pin.SE3(np.eye(3), end), np.zeros(3), 0.0) for end in lowest.astype(float)
+                ]
     return find_sole(found, upright)
 
 
@@ -178,23 +208,32 @@ def _robot_bodies(model: Any, frames: Sequence[str]) -> NDArray[np.int64]:
     if not roots:
         raise InputError("it has no free joint: its base is fixed")
     trees = [np.flatnonzero(model.body_rootid == root) for root in roots]
-    owners = [tree for tree in trees if not {name for name, *_ in _frames(model, tree)}.isdisjoint(frames)]
+    owners = [
+        tree for tree in trees if not {name for name, *_ in _frames(model, tree)}.isdisjoint(frames)
+    ]
     if len(owners) > 1:
         names = " and ".join(f"'{body_name(model, int(tree[0]))}'" for tree in owners[:2])
         raise InputError(f"feet are on two free bodies, {names}: load one robot after the other")
-    return max(owners or trees, key=lambda tree: int(model.body_dofnum[tree].sum())).astype(np.int64)
+    return max(owners or trees, key=lambda tree: int(model.body_dofnum[tree].sum())).astype(
+        np.int64
+    )
 
 
 def _refuse(model: Any, bodies: NDArray[np.int64], joints: NDArray[np.int64]) -> None:
     """Refuse what changes how the robot can move."""
     for joint in joints[model.jnt_type[joints] == BALL]:
-        raise InputError(f"joint '{joint_name(model, joint)}' is a ball joint, which is not supported")
+        raise InputError(
+            f"joint '{joint_name(model, joint)}' is a ball joint, which is not supported"
+        )
     refuse_loops(model, bodies)
     for name, values in known_joints(model, joints).items():
         checks.gains(f"{name} of joints", values, len(joints))
     for joint, peak in zip(joints, peak_torques(model, joints), strict=True):
         if peak == 0.0:
-            raise InputError(f"joint '{joint_name(model, joint)}' can be pushed one way only, which is not supported")
+            raise InputError(
+                f"joint '{joint_name(model, joint)}' can be pushed one way only, which is not "
+                f"supported"
+            )
 
 
 def refuse_loops(model: Any, bodies: NDArray[np.int64]) -> None:
@@ -204,7 +243,9 @@ def refuse_loops(model: Any, bodies: NDArray[np.int64]) -> None:
         if np.isin(_tied_bodies(model, number, kind), bodies).any():
             name = f" '{model.equality(number).name}'" if model.equality(number).name else ""
             message = f"the equality constraint <{kind}>{name} of the MuJoCo model holds the robot"
-            raise InputError(f"{message}: closed loops and couplings are not supported", name="model")
+            raise InputError(
+                f"{message}: closed loops and couplings are not supported", name="model"
+            )
 
 
 def _tied_bodies(model: Any, number: int, kind: str) -> Any:
@@ -217,7 +258,11 @@ def _tied_bodies(model: Any, number: int, kind: str) -> Any:
     if kind.startswith("flex"):
         first = model.flex_vertadr[ends[0]]
         return model.flex_vertbodyid[first : first + model.flex_vertnum[ends[0]]]
-    return model.site_bodyid[ends] if model.eq_objtype[number] == int(import_mujoco().mjtObj.mjOBJ_SITE) else ends
+    return (
+        model.site_bodyid[ends]
+        if model.eq_objtype[number] == int(import_mujoco().mjtObj.mjOBJ_SITE)
+        else ends
+    )
 
 
 def tendon_bodies(model: Any, tendon: int) -> list[int]:
@@ -230,7 +275,8 @@ def tendon_bodies(model: Any, tendon: int) -> list[int]:
 def build_tree(
     model: Any, bodies: NDArray[np.int64], joints: NDArray[np.int64]
 ) -> tuple[pin.Model, dict[int, tuple[int, pin.SE3]]]:
-    """Pinocchio's model of bodies and joints; and of each body the joint that moves it, with its place in its frame.
+    """Pinocchio's model of bodies and joints; and of each body the joint that moves it, with its
+    place in its frame.
 
     Args:
         model: ``mujoco.MjModel``.
@@ -241,7 +287,10 @@ def build_tree(
     built.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), "root_joint")
     built.addJointFrame(1, 0)
     moved = {joint: k for k, joint in enumerate(joints.tolist())}
-    frames = {body: [entry for entry in _frames(model, bodies) if entry[2] == body] for body in bodies.tolist()}
+    frames = {
+        body: [entry for entry in _frames(model, bodies) if entry[2] == body]
+        for body in bodies.tolist()
+    }
     last = {0: 1}  # frame of each body
     held = {0: (1, pin.SE3.Identity())}
     for body in bodies.tolist():
@@ -255,7 +304,10 @@ def build_tree(
             if joint not in moved:
                 continue
             k, arm, axis = moved[joint], model.jnt_pos[joint], np.array(model.jnt_axis[joint])
-            turns, ref = model.jnt_type[joint] == HINGE, float(model.qpos0[model.jnt_qposadr[joint]])
+            turns, ref = (
+                model.jnt_type[joint] == HINGE,
+                float(model.qpos0[model.jnt_qposadr[joint]]),
+            )
             back = pin.SE3(pin.exp3(-ref * axis), np.zeros(3)) if turns else placement(-ref * axis)
             low, high = model.jnt_range[joint] if model.jnt_limited[joint] else (-np.inf, np.inf)
             moving = built.addJoint(
@@ -264,20 +316,33 @@ def build_tree(
                 place * placement(arm) * back,
                 joint_name(model, joint),
                 *(np.array([value]) for value in (-peak[k], peak[k], -np.inf, np.inf, low, high)),
-                *(np.array([value]) for value in (-known["friction"][k], known["friction"][k], known["damping"][k])),
+                *(
+                    np.array([value])
+                    for value in (-known["friction"][k], known["friction"][k], known["damping"][k])
+                ),
             )
             built.armature[built.joints[moving].idx_v] = known["armature"][k]
             place = placement(-arm)
-            name = next(name for name, kind, *_, number in frames[body] if kind == "joint" and number == joint)
-            frame = built.addFrame(pin.Frame(name, moving, frame, pin.SE3.Identity(), pin.FrameType.JOINT))
+            name = next(
+                name
+                for name, kind, *_, number in frames[body]
+                if kind == "joint" and number == joint
+            )
+            frame = built.addFrame(
+                pin.Frame(name, moving, frame, pin.SE3.Identity(), pin.FrameType.JOINT)
+            )
         axes = placement(model.body_ipos[body], model.body_iquat[body])
         inertia = pin.Inertia(model.body_mass[body], np.zeros(3), np.diag(model.body_inertia[body]))
         built.appendBodyToJoint(moving, inertia, place * axes)
         for name, kind, _, number in frames[body]:
             if kind == "body":
-                last[body] = built.addFrame(pin.Frame(name, moving, frame, place, pin.FrameType.BODY))
+                last[body] = built.addFrame(
+                    pin.Frame(name, moving, frame, place, pin.FrameType.BODY)
+                )
             elif kind != "joint":
-                at = place * placement(getattr(model, f"{kind}_pos")[number], getattr(model, f"{kind}_quat")[number])
+                at = place * placement(
+                    getattr(model, f"{kind}_pos")[number], getattr(model, f"{kind}_quat")[number]
+                )
                 built.addFrame(pin.Frame(name, moving, last[body], at, pin.FrameType.OP_FRAME))
         held[body] = (moving, place)
     base = int(model.body_dofadr[bodies[0]])
@@ -296,7 +361,9 @@ def _joint_model(axis: Vector, turns: bool) -> Any:
 
 def placement(position: Vector, quaternion: Sequence[float] = (1.0, 0.0, 0.0, 0.0)) -> pin.SE3:
     """A placement of MuJoCo's, whose quaternions begin with w."""
-    return pin.SE3(pin.Quaternion(*(float(x) for x in quaternion)).toRotationMatrix(), np.array(position))
+    return pin.SE3(
+        pin.Quaternion(*(float(x) for x in quaternion)).toRotationMatrix(), np.array(position)
+    )
 
 
 def _frames(model: Any, bodies: NDArray[np.int64]) -> list[tuple[str, str, int, int]]:
@@ -324,47 +391,101 @@ def body_name(model: Any, number: int) -> str:
 
 
 def joint_name(model: Any, number: int) -> str:
-    """Name of a joint; of one without, that of its body with ``_joint`` behind, and ``_joint_1`` for its second."""
+    """Name of a joint; of one without, that of its body with ``_joint`` behind, and ``_joint_1``
+    for its second.
+    """
     body = int(model.jnt_bodyid[number])
     place = int(number) - int(model.body_jntadr[body])
-    return str(model.joint(number).name) or f"{body_name(model, body)}_joint{f'_{place}' if place else ''}"
+    return (
+        str(model.joint(number).name)
+        or f"{body_name(model, body)}_joint{f'_{place}' if place else ''}"
+    )
 
 
 def left_out(model: Any, bodies: NDArray[np.int64], joints: NDArray[np.int64]) -> list[str]:
     """What a tree of rigid bodies has no place for, each in some words that name where it is."""
-    base, dofs, free = [body_name(model, bodies[0])], model.jnt_dofadr[joints], model.body_jntadr[bodies[:1]]
-    names, drives = [joint_name(model, joint) for joint in joints], joints[:, None] == driven_joints(model)
+    base, dofs, free = (
+        [body_name(model, bodies[0])],
+        model.jnt_dofadr[joints],
+        model.body_jntadr[bodies[:1]],
+    )
+    names, drives = (
+        [joint_name(model, joint) for joint in joints],
+        joints[:, None] == driven_joints(model),
+    )
     acting = drives & enabled_actuators(model)
     mine = np.flatnonzero(acting.any(axis=0))
     actuators = [str(model.actuator(number).name) or f"number {number}" for number in mine]
-    pulled = np.isin(np.arange(model.ntendon), model.actuator_trnid[model.actuator_trntype == TENDON, 0])
-    for name in ("stiffness", "stiffnesspoly", "damping", "dampingpoly", "frictionloss", "armature", "limited"):
+    pulled = np.isin(
+        np.arange(model.ntendon), model.actuator_trnid[model.actuator_trntype == TENDON, 0]
+    )
+    for name in (
+        "stiffness",
+        "stiffnesspoly",
+        "damping",
+        "dampingpoly",
+        "frictionloss",
+        "armature",
+        "limited",
+    ):
         pulled |= np.atleast_2d(getattr(model, f"tendon_{name}").T).any(axis=0)
-    tendons = [n for n in np.flatnonzero(pulled).tolist() if np.isin(tendon_bodies(model, n), bodies).any()]
+    tendons = [
+        n for n in np.flatnonzero(pulled).tolist() if np.isin(tendon_bodies(model, n), bodies).any()
+    ]
     springs = np.column_stack((model.jnt_stiffness, model.jnt_stiffnesspoly))
-    squares = drives @ (model.actuator_dampingpoly * model.actuator_gear[model.actuator_outadr, :1] ** 2)
+    squares = drives @ (
+        model.actuator_dampingpoly * model.actuator_gear[model.actuator_outadr, :1] ** 2
+    )
     of_base = model.dof_jntid == free
     left = [
         named("springs of joint", names, springs[joints], " N·m/rad"),
-        named("damping that is not linear of joint", names, model.dof_dampingpoly[dofs] + squares, " N·m·s²/rad²"),
-        named("tendon", [str(model.tendon(n).name) or f"number {n}" for n in tendons], np.ones(len(tendons))),
-        named("gravcomp of body", [body_name(model, body) for body in bodies], model.body_gravcomp[bodies], ""),
+        named(
+            "damping that is not linear of joint",
+            names,
+            model.dof_dampingpoly[dofs] + squares,
+            " N·m·s²/rad²",
+        ),
+        named(
+            "tendon",
+            [str(model.tendon(n).name) or f"number {n}" for n in tendons],
+            np.ones(len(tendons)),
+        ),
+        named(
+            "gravcomp of body",
+            [body_name(model, body) for body in bodies],
+            model.body_gravcomp[bodies],
+            "",
+        ),
         named("delay of actuator", actuators, model.actuator_delay[mine], " s"),
-        named("a state of its own of actuator", actuators, model.actuator_dyntype[mine] != NO_DYNAMICS),
+        named(
+            "a state of its own of actuator", actuators, model.actuator_dyntype[mine] != NO_DYNAMICS
+        ),
         named("no actuator of joint", names, ~acting.any(axis=1) & acting.any()),
         named("a spring of the free joint of body", base, springs[free]),
-        named("damping of the free joint of body", base, model.dof_damping[of_base], " N·s/m, N·m·s/rad"),
-        named("damping that is not linear of the free joint of body", base, model.dof_dampingpoly[of_base]),
+        named(
+            "damping of the free joint of body",
+            base,
+            model.dof_damping[of_base],
+            " N·s/m, N·m·s/rad",
+        ),
+        named(
+            "damping that is not linear of the free joint of body",
+            base,
+            model.dof_dampingpoly[of_base],
+        ),
         named("dry friction of the free joint of body", base, model.dof_frictionloss[of_base]),
     ]
     if model.opt.density or model.opt.viscosity:
-        air = f"air of density {model.opt.density:g} kg/m³ and viscosity {model.opt.viscosity:g} Pa·s"
+        air = (
+            f"air of density {model.opt.density:g} kg/m³ and viscosity {model.opt.viscosity:g} Pa·s"
+        )
         left.append(f"{air}, wind {model.opt.wind} m/s")
     return [line for line in left if line]
 
 
 def named(what: str, names: Sequence[str], values: ArrayLike, unit: str | None = None) -> str:
-    """Words on what some things have: of the first its name and, with a unit, its numbers; empty where none has any.
+    """Words on what some things have: of the first its name and, with a unit, its numbers; empty
+    where none has any.
 
     Args:
         what: they have.
@@ -383,8 +504,12 @@ def named(what: str, names: Sequence[str], values: ArrayLike, unit: str | None =
 
 
 def driven_joints(model: Any) -> NDArray[np.int64]:
-    """(actuators,) number of the joint that each actuator of a model drives; −1 where it drives something else."""
-    return np.where(model.actuator_trntype <= JOINT_IN_PARENT, model.actuator_trnid[:, 0], -1).astype(np.int64)
+    """(actuators,) number of the joint that each actuator of a model drives; −1 where it drives
+    something else.
+    """
+    return np.where(
+        model.actuator_trntype <= JOINT_IN_PARENT, model.actuator_trnid[:, 0], -1
+    ).astype(np.int64)
 
 
 def plain_name(name: str) -> str:
@@ -398,7 +523,9 @@ def find_joints(model: Any, names: Sequence[str]) -> NDArray[np.int64]:
     An :class:`InputError` says that it is no such model, lacks a joint, or has two of that name.
     """
     if not is_model(model):
-        raise InputError(f"model must be a mujoco.MjModel, got {shown(model)}", name="model", value=model)
+        raise InputError(
+            f"model must be a mujoco.MjModel, got {shown(model)}", name="model", value=model
+        )
     found: dict[str, list[int]] = {}
     for number in np.flatnonzero(model.jnt_type != FREE).tolist():
         name = joint_name(model, number)
@@ -407,22 +534,29 @@ def find_joints(model: Any, names: Sequence[str]) -> NDArray[np.int64]:
     for name in names:
         checks.one_of("joint of the MuJoCo model", name, found)
         if len(found[name]) > 1:
-            raise InputError(f"the MuJoCo model has {len(found[name])} joints '{name}'", name="model")
+            raise InputError(
+                f"the MuJoCo model has {len(found[name])} joints '{name}'", name="model"
+            )
     return np.array([found[name][0] for name in names], dtype=np.int64)
 
 
 def free_joint(model: Any, joints: NDArray[np.int64]) -> int:
-    """Number of the free joint that moves the base of a robot with these joints; refuses a model without one."""
+    """Number of the free joint that moves the base of a robot with these joints; refuses a model
+    without one.
+    """
     free = np.flatnonzero(model.jnt_type == FREE)
     if len(joints):
         free = free[model.jnt_bodyid[free] == model.body_rootid[model.jnt_bodyid[joints[0]]]]
     if not len(free):
-        raise InputError("the MuJoCo model has no free joint above the robot's joints", name="model")
+        raise InputError(
+            "the MuJoCo model has no free joint above the robot's joints", name="model"
+        )
     return int(free[0])
 
 
 def known_joints(model: Any, joints: NDArray[np.int64]) -> dict[str, Vector]:
-    """Armature, kg·m², damping, N·m·s/rad, and dry friction, N·m, each (joints,), of joints of a MuJoCo model.
+    """Armature, kg·m², damping, N·m·s/rad, and dry friction, N·m, each (joints,), of joints of a
+    MuJoCo model.
 
     Armature and damping of actuators count at their joints, times the gear squared.
     """
@@ -436,20 +570,27 @@ def known_joints(model: Any, joints: NDArray[np.int64]) -> dict[str, Vector]:
 
 
 def peak_torques(model: Any, joints: NDArray[np.int64]) -> Vector:
-    """(joints,) torques that joints take both ways, N·m: of their ranges and enabled actuators; infinite without any.
+    """(joints,) torques that joints take both ways, N·m: of their ranges and enabled actuators;
+    infinite without any.
 
-    Limits of an actuator are ``forcerange``, and ``ctrlrange`` times the gain where its force is that product, both
-    times ``gear``; those of several on a joint add up. It is the smaller side of a range.
+    Limits of an actuator are ``forcerange``, and ``ctrlrange`` times the gain where its force is
+    that product, both times ``gear``; those of several on a joint add up. It is the smaller side of
+    a range.
     """
     control, gear = model.actuator_ctrladr, model.actuator_gear[model.actuator_outadr, :1]
     motor = (model.actuator_biastype == NO_BIAS) & (model.actuator_gaintype == FIXED_GAIN)
-    limited, everything = motor & (model.actuator_ctrllimited[control] != 0), np.array([-np.inf, np.inf])
+    limited, everything = (
+        motor & (model.actuator_ctrllimited[control] != 0),
+        np.array([-np.inf, np.inf]),
+    )
     force = np.where(model.actuator_forcelimited[:, None], model.actuator_forcerange, everything)
     own = np.sort(model.actuator_gainprm[:, :1] * model.actuator_ctrlrange[control])
     force = np.where(limited[:, None], np.clip(own, force[:, :1], force[:, 1:]), force)
     force = np.sort(gear * np.where(gear == 0.0, 0.0, force))
     drives = ((joints[:, None] == driven_joints(model)) & enabled_actuators(model))[:, :, None]
     low, high = np.where(drives.any(axis=1), np.where(drives, force, 0.0).sum(axis=1), everything).T
-    of_joint = np.where(model.jnt_actfrclimited[joints, None], model.jnt_actfrcrange[joints], everything)
+    of_joint = np.where(
+        model.jnt_actfrclimited[joints, None], model.jnt_actfrcrange[joints], everything
+    )
     both: Vector = np.minimum(-np.maximum(low, of_joint[:, 0]), np.minimum(high, of_joint[:, 1]))
     return np.maximum(both, 0.0)

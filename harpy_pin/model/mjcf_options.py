@@ -29,18 +29,26 @@ CONSTRAINTS = {"equality", "frictionloss", "limit", "contact"}
 
 
 def disabled(model: Any) -> set[str]:
-    """Flags of the option that are disabled, such as ``gravity``; with those that they disable in turn."""
+    """Flags of the option that are disabled, such as ``gravity``; with those that they disable in
+    turn.
+    """
     from mujoco import mjtDisableBit
 
     bits = mjtDisableBit.__members__.items()
-    off = {name.removeprefix("mjDSBL_").lower() for name, bit in bits if model.opt.disableflags & int(bit)}
+    off = {
+        name.removeprefix("mjDSBL_").lower()
+        for name, bit in bits
+        if model.opt.disableflags & int(bit)
+    }
     return off | CONSTRAINTS if "constraint" in off else off
 
 
 def in_effect(model: Any) -> Any:
-    """A copy of a model in which what its options disable is zero; for actuators see :func:`enabled_actuators`.
+    """A copy of a model in which what its options disable is zero; for actuators see
+    :func:`enabled_actuators`.
 
-    Without springs and dampers MuJoCo has no passive forces at all, so neither air nor compensated weights.
+    Without springs and dampers MuJoCo has no passive forces at all, so neither air nor compensated
+    weights.
     """
     off, model = disabled(model), copy.copy(model)
     for name in (array for flag in off for array in SWITCHED.get(flag, ())):
@@ -54,5 +62,8 @@ def in_effect(model: Any) -> Any:
 
 def enabled_actuators(model: Any) -> NDArray[np.bool_]:
     """(actuators,) whether they act. The armature and damping of one that does not still count."""
-    off = [1 << group & model.opt.disableactuator if 0 <= group <= MAX_GROUP else 0 for group in model.actuator_group]
+    off = [
+        1 << group & model.opt.disableactuator if 0 <= group <= MAX_GROUP else 0
+        for group in model.actuator_group
+    ]
     return ~np.array(off, bool) & ("actuation" not in disabled(model))

@@ -18,7 +18,13 @@ from numpy.typing import ArrayLike
 from harpy_pin import checks
 from harpy_pin.arguments import checked
 from harpy_pin.errors import InputError, RobotError, shown
-from harpy_pin.model.catalogue import CATALOGUE, CatalogueRobot, catalogue_robot, installed_data, known_name
+from harpy_pin.model.catalogue import (
+    CATALOGUE,
+    CatalogueRobot,
+    catalogue_robot,
+    installed_data,
+    known_name,
+)
 from harpy_pin.model.flat_foot import FlatFoot, add_flat_feet
 from harpy_pin.model.mjcf import (
     Description,
@@ -43,12 +49,15 @@ HARPY_THRUST_LIMIT = 53.0  # hardware limit of one thruster, N (equations.md §3
 SOLE_JOINTS = 5
 """Least number of joints of a leg whose foot is found to be flat: fewer cannot keep it level."""
 ANY_DIRECTION = 0.1
-"""Rotors push in any direction where the least singular value of their axes is above this share of the largest."""
+"""Rotors push in any direction where the least singular value of their axes is above this share of
+the largest.
+"""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Robot:
-    """A floating-base robot with feet and, where it has any, thrusters and rotors fixed to its links.
+    """A floating-base robot with feet and, where it has any, thrusters and rotors fixed to its
+    links.
 
     Attributes:
         model: Pinocchio model, root joint a free flyer, armature set.
@@ -60,12 +69,14 @@ class Robot:
         flat_feet: how many contact points each foot has, in their order, where there are flat feet
             (:mod:`harpy_pin.model.flat_foot`); empty where all are points.
         rotors: thrusters with a fixed axis, the last of ``thrusters``.
-        facing: yaw of the direction in which it faces, about the axes of its base, rad: gaits stand it facing x.
-        foot_radius: (feet,) of the spheres around the feet's points in an MJCF file, m; 0 where there is none, and in
-            other files.
+        facing: yaw of the direction in which it faces, about the axes of its base, rad: gaits stand
+            it facing x.
+        foot_radius: (feet,) of the spheres around the feet's points in an MJCF file, m; 0 where
+            there is none, and in other files.
         label: its name in the catalogue; empty for a robot that was read from a file.
-        source: its ``file``, what else :func:`load_robot` was told, and arrays (nv,) of the model that were changed
-            since: what :func:`~harpy_pin.model.source.read_robot` makes it from again.
+        source: its ``file``, what else :func:`load_robot` was told, and arrays (nv,) of the model
+            that were changed since: what :func:`~harpy_pin.model.source.read_robot` makes it from
+            again.
     """
 
     model: pin.Model
@@ -89,7 +100,9 @@ class Robot:
 
     @property
     def corners(self) -> tuple[int, ...]:
-        """How many contact points each foot has, in the order of :attr:`feet`: 1 for a point foot."""
+        """How many contact points each foot has, in the order of :attr:`feet`: 1 for a point
+        foot.
+        """
         return self.flat_feet if self.flat_feet else (1,) * len(self.feet)
 
     @property
@@ -124,20 +137,27 @@ class Robot:
 
     @property
     def sizes(self) -> dict[str, int]:
-        """Numbers of velocities, joints, contact points, thrusters and their variables, by the names in records.
+        """Numbers of velocities, joints, contact points, thrusters and their variables, by the
+        names in records.
 
         Soles are counted where all feet are flat.
         """
         soles = len(self.flat_feet) if len({*self.flat_feet}) == 1 else 0
-        counts = {"nv": self.model.nv, "joints": len(self.joints), "feet": len(self.feet), "soles": soles}
+        counts = {
+            "nv": self.model.nv,
+            "joints": len(self.joints),
+            "feet": len(self.feet),
+            "soles": soles,
+        }
         return counts | {"thrusters": len(self.thrusters), "thrusts": self.n_thrust}
 
     @property
     def lift_axis(self) -> Vector | None:
-        """(3,) the one direction, in the body's axes, in which a robot without feet can push; None for other robots.
+        """(3,) the one direction, in the body's axes, in which a robot without feet can push; None
+        for other robots.
 
-        It is the mean of its rotors' axes (with the joints as in :attr:`posture`), where these do not span the space:
-        the robot has to lean to push elsewhere.
+        It is the mean of its rotors' axes (with the joints as in :attr:`posture`), where these do
+        not span the space: the robot has to lean to push elsewhere.
         """
         if self.feet or not self.rotors or len(self.rotors) < len(self.thrusters):
             return None
@@ -146,7 +166,10 @@ class Robot:
             q[7:] = self.posture
         data = self.model.createData()
         pin.framesForwardKinematics(self.model, data, q)
-        axes = [data.oMf[self.frame_id(rotor.frame)].rotation @ np.array(rotor.axis) for rotor in self.rotors]
+        axes = [
+            data.oMf[self.frame_id(rotor.frame)].rotation @ np.array(rotor.axis)
+            for rotor in self.rotors
+        ]
         mean = np.sum(axes, axis=0)
         length = np.linalg.norm(mean)
         spread = np.linalg.matrix_rank(np.array(axes), rtol=ANY_DIRECTION)
@@ -164,9 +187,14 @@ class Robot:
 
     @checked
     def with_joints(
-        self, *, armature: ArrayLike | None = None, damping: ArrayLike | None = None, friction: ArrayLike | None = None
+        self,
+        *,
+        armature: ArrayLike | None = None,
+        damping: ArrayLike | None = None,
+        friction: ArrayLike | None = None,
     ) -> Robot:
-        """The robot with what is known of its joints; each a number, or one for each joint. None: as in the model.
+        """The robot with what is known of its joints; each a number, or one for each joint. None:
+        as in the model.
 
         Plants have these joints, and the whole-body controllers take them into account.
 
@@ -179,30 +207,47 @@ class Robot:
             InputError: another length, or numbers that are not finite or negative.
         """
         base, changed = self.model.joints[1].nv, {}
-        for name, given in {"armature": armature, "damping": damping, "upperDryFrictionLimit": friction}.items():
+        for name, given in {
+            "armature": armature,
+            "damping": damping,
+            "upperDryFrictionLimit": friction,
+        }.items():
             if given is not None:
-                values = checks.gains(name.replace("upperDryFrictionLimit", "friction"), given, len(self.joints))
+                values = checks.gains(
+                    name.replace("upperDryFrictionLimit", "friction"), given, len(self.joints)
+                )
                 changed[name] = np.concatenate((getattr(self.model, name)[:base], values))
         return self.with_arrays(changed)
 
     def with_mujoco(self, model: Any, *, prefix: str = "") -> Robot:
-        """The robot with armature, damping and dry friction of a MuJoCo model's joints, see :meth:`with_joints`.
+        """The robot with armature, damping and dry friction of a MuJoCo model's joints, see
+        :meth:`with_joints`.
 
-        The armature of the free joint is taken, too, and largest torques where they are smaller than here or there are
-        none here. Joints are found by name; a prefix that ends in ``:`` or ``/`` does not count, unless it is given.
+        The armature of the free joint is taken, too, and largest torques where they are smaller
+        than here or there are none here. Joints are found by name; a prefix that ends in ``:`` or
+        ``/`` does not count, unless it is given.
 
         Args:
             model: ``mujoco.MjModel`` of the robot.
-            prefix: of the robot's joints in the model, where there are several robots, such as ``"a/"``.
+            prefix: of the robot's joints in the model, where there are several robots, such as
+                ``"a/"``.
 
         Raises:
             InputError: the model has no free joint, lacks a joint, or has two of its name.
         """
-        joints, base = find_joints(model, [prefix + name for name in self.joints]), self.model.joints[1].nv
+        joints, base = (
+            find_joints(model, [prefix + name for name in self.joints]),
+            self.model.joints[1].nv,
+        )
         model = in_effect(model)
         first = model.jnt_dofadr[free_joint(model, joints)]
-        robot, limit = self.with_joints(**known_joints(model, joints)), np.array(self.model.effortLimit)
-        armature = np.concatenate((model.dof_armature[first : first + base], robot.model.armature[base:]))
+        robot, limit = (
+            self.with_joints(**known_joints(model, joints)),
+            np.array(self.model.effortLimit),
+        )
+        armature = np.concatenate(
+            (model.dof_armature[first : first + base], robot.model.armature[base:])
+        )
         limit[base:] = np.minimum(limit[base:], peak_torques(model, joints))
         return robot.with_arrays({"armature": armature, "effortLimit": limit})
 
@@ -216,7 +261,11 @@ class Robot:
         for name, values in arrays.items():
             setattr(model, name, values)
         model.lowerDryFrictionLimit = -model.upperDryFrictionLimit
-        return replace(self, model=model, source={**self.source, "model": {**self.source.get("model", {}), **arrays}})
+        return replace(
+            self,
+            model=model,
+            source={**self.source, "model": {**self.source.get("model", {}), **arrays}},
+        )
 
     def frame_id(self, name: str) -> int:
         """Pinocchio's index of a frame.
@@ -233,7 +282,9 @@ class Robot:
 
 
 def harpy_urdf() -> Path:
-    """Path of Harpy's URDF: beside the package once installed, at the top of a checkout otherwise."""
+    """Path of Harpy's URDF: beside the package once installed, at the top of a checkout
+    otherwise.
+    """
     package = Path(__file__).parent.parent
     installed = package / "urdf" / "harpy.urdf"
     return installed if installed.is_file() else package.parent / "urdf" / "harpy.urdf"
@@ -269,36 +320,42 @@ def load_robot(
     """Any floating-base robot, with point feet, flat ones or none, and with thrusters or rotors.
 
     Args:
-        urdf: path of the URDF, or of an MJCF file, which MuJoCo compiles (:mod:`harpy_pin.model.mjcf`), and whose
-            keyframe ``home`` is the standing posture; or a ``mujoco.MjModel``; or the name of a robot of
-            :data:`~harpy_pin.model.catalogue.CATALOGUE`, such as ``"solo12"``, whose files are the extra ``robots``.
-            Its feet, its standing posture and its rotors are known.
+        urdf: path of the URDF, or of an MJCF file, which MuJoCo compiles
+            (:mod:`harpy_pin.model.mjcf`), and whose keyframe ``home`` is the standing posture; or a
+            ``mujoco.MjModel``; or the name of a robot of
+            :data:`~harpy_pin.model.catalogue.CATALOGUE`, such as ``"solo12"``, whose files are the
+            extra ``robots``. Its feet, its standing posture and its rotors are known.
         feet: frame names of the feet, in an MJCF file bodies, sites or geoms; () for none.
-        flat_feet: the feet of these frames are flat; the others are points. Their corners take the place of the frame
-            in :attr:`Robot.feet`. A robot known by name has its own, unless ``feet`` or ``flat_feet`` are given. Of
-            legs of five joints or more soles are found, unless they are given: in an MJCF file of the lowest boxes,
-            capsules and spheres that collide, in a URDF of boxes (:func:`harpy_pin.model.flat_foot.find_sole`); {} for
-            none.
+        flat_feet: the feet of these frames are flat; the others are points. Their corners take the
+            place of the frame in :attr:`Robot.feet`. A robot known by name has its own, unless
+            ``feet`` or ``flat_feet`` are given. Of legs of five joints or more soles are found,
+            unless they are given: in an MJCF file of the lowest boxes, capsules and spheres that
+            collide, in a URDF of boxes (:func:`harpy_pin.model.flat_foot.find_sole`); {} for none.
         thrusters: frame names of the mounts of free thrusters, which push in any direction.
         thrust_limit: largest magnitude of one free thruster's force, N.
         rotors: thrusters with a fixed axis.
-        posture: (joints,) angles in which it stands, rad; those of the file or the catalogue by default. Where there
-            are none, gaits find one (:func:`harpy_pin.model.ik.find_posture`).
+        posture: (joints,) angles in which it stands, rad; those of the file or the catalogue by
+            default. Where there are none, gaits find one (:func:`harpy_pin.model.ik.find_posture`).
 
     A joint whose effort is zero in the file has no known one: it is warned of, and has no limit.
 
     Raises:
         RobotError: a frame is absent, the robots of the catalogue are not installed, or as
             :func:`harpy_pin.model.urdf.build_model`.
-        InputError: the name is unknown, a file comes without feet, a flat foot is no foot, or the thrust limit is
-            not positive.
+        InputError: the name is unknown, a file comes without feet, a flat foot is no foot, or the
+            thrust limit is not positive.
     """
     if not isinstance(thrust_limit, float) or thrust_limit != np.inf:
         thrust_limit = checks.number("thrust_limit", thrust_limit, low=0.0, strict=True)
     listed = None if is_model(urdf) else catalogue_robot(urdf)
     known = listed or CatalogueRobot("", (), {})
     path = None if is_model(urdf) else known.path() if listed else checks.path("urdf", urdf)
-    told: dict[str, Any] = {"feet": feet, "flat_feet": flat_feet, "rotors": rotors, "posture": posture}
+    told: dict[str, Any] = {
+        "feet": feet,
+        "flat_feet": flat_feet,
+        "rotors": rotors,
+        "posture": posture,
+    }
     told["thrusters"] = checks.names("thrusters", thrusters) or None
     told["thrust_limit"] = thrust_limit if thrust_limit < np.inf else None
     if path is not None:
@@ -311,9 +368,14 @@ def load_robot(
     feet = checks.names("feet", known.feet if feet is None else feet)
     rotors = known.rotors if rotors is None else rotors
     if not isinstance(rotors, Sequence):
-        raise InputError(f"rotors must be a tuple of rotors, got {shown(rotors)}", name="rotors", value=rotors)
+        raise InputError(
+            f"rotors must be a tuple of rotors, got {shown(rotors)}", name="rotors", value=rotors
+        )
     rotor_frames = (checks.instance("a rotor", rotor, Rotor).frame for rotor in rotors)
-    mounts = (*checks.names("thrusters", thrusters), *checks.names("frames of rotors", tuple(rotor_frames)))
+    mounts = (
+        *checks.names("thrusters", thrusters),
+        *checks.names("frames of rotors", tuple(rotor_frames)),
+    )
     read = _read(urdf, path, (*feet, *mounts))
     model, angles = read.model, read.posture
     if listed:
@@ -326,10 +388,14 @@ def load_robot(
         for name in names:
             if not model.existFrame(name):
                 where = "the MuJoCo model" if path is None else shown(str(path), 300)
-                raise RobotError(f"{where} has no {kind} frame {shown(name)}; {_links(model)}", path=path)
+                raise RobotError(
+                    f"{where} has no {kind} frame {shown(name)}; {_links(model)}", path=path
+                )
     if flat_feet is None:
         moved = feet_moved(model, feet)
-        legs = {name: model.supports[model.frames[model.getFrameId(name)].parentJoint] for name in feet}
+        legs = {
+            name: model.supports[model.frames[model.getFrameId(name)].parentJoint] for name in feet
+        }
         long = [name for name in feet if sum(moved[j] == 1 for j in legs[name]) >= SOLE_JOINTS]
         flat_feet = {name: read.soles[name] for name in long if name in read.soles}
     points, corners = add_flat_feet(model, feet, flat_feet)
@@ -340,7 +406,9 @@ def load_robot(
     unknown = [name for name, joint, _ in joints[1:] if limits[joint.idx_v] == 0.0]
     _warn(path, "of effort 0, taken as without a limit", unknown)
     if not listed:
-        no_inertia = [name for name, _, body in joints if body.mass > 0.0 and not body.inertia.any()]
+        no_inertia = [
+            name for name, _, body in joints if body.mass > 0.0 and not body.inertia.any()
+        ]
         _warn(path, "whose body has a mass, no inertia", no_inertia)
     limits[6:][limits[6:] == 0.0] = np.inf
     model.effortLimit = limits
@@ -390,19 +458,27 @@ def _links(model: pin.Model) -> str:
 
 
 def heavier(robot: Robot, error: float) -> Robot:
-    """A robot with 1 + error times the mass and inertia of its body, the legs as they are; the error is above −1."""
+    """A robot with 1 + error times the mass and inertia of its body, the legs as they are; the
+    error is above −1.
+    """
     error = checks.number("mass error", error, low=-1.0, strict=True)
     model = robot.model.copy()
     body = model.inertias[1]
-    model.inertias[1] = pin.Inertia(body.mass * (1.0 + error), body.lever, body.inertia * (1.0 + error))
+    model.inertias[1] = pin.Inertia(
+        body.mass * (1.0 + error), body.lever, body.inertia * (1.0 + error)
+    )
     return replace(robot, model=model)
 
 
 def configuration(model: pin.Model, q: ArrayLike) -> Vector:
-    """A checked configuration: the right length, finite, the quaternion of a free flyer normalised."""
+    """A checked configuration: the right length, finite, the quaternion of a free flyer
+    normalised.
+    """
     result = checks.vector("q", q, model.nq)
     if model.joints[1].nq == 7 and np.linalg.norm(result[3:7]) < 1e-6:
-        raise InputError("q has no orientation: its quaternion (entries 3 to 6) is zero", name="q", value=q)
+        raise InputError(
+            "q has no orientation: its quaternion (entries 3 to 6) is zero", name="q", value=q
+        )
     return np.asarray(pin.normalize(model, result))
 
 
@@ -435,10 +511,18 @@ def robots() -> dict[str, KnownRobot]:
     Files of robots other than Harpy are in example-robot-data, the extra ``robots``.
     """
     harpy, installed = load_harpy(), installed_data() is not None
-    known = {"harpy": KnownRobot("harpy", HARPY_FEET, False, 0, harpy.mass, len(harpy.joints), "BSD-2-Clause")}
+    known = {
+        "harpy": KnownRobot(
+            "harpy", HARPY_FEET, False, 0, harpy.mass, len(harpy.joints), "BSD-2-Clause"
+        )
+    }
     for name, entry in CATALOGUE.items():
         robot = load_robot(name) if installed else None
-        found = (None, None, None) if robot is None else (robot.mass, len(robot.joints), _licence(entry))
+        found = (
+            (None, None, None)
+            if robot is None
+            else (robot.mass, len(robot.joints), _licence(entry))
+        )
         known[name] = KnownRobot(name, entry.feet, bool(entry.flat_feet), len(entry.rotors), *found)
     return known
 

@@ -1,4 +1,6 @@
-"""Robots of one's own as scenarios and logs write them down: what they are read from, ready for JSON."""
+"""Robots of one's own as scenarios and logs write them down: what they are read from, ready for
+JSON.
+"""
 
 from __future__ import annotations
 
@@ -39,12 +41,15 @@ def plain_source(value: Any) -> Any:
 def read_robot(source: Mapping[str, Any]) -> Robot:
     """The robot of a :attr:`Robot.source`, also as :func:`plain_source` writes it.
 
-    It has ``file``, a path or a name, other arguments of :func:`load_robot`, and ``model``, arrays that are changed.
+    It has ``file``, a path or a name, other arguments of :func:`load_robot`, and ``model``, arrays
+    that are changed.
     """
     for name in source:
         checks.one_of("entry of the robot", name, ENTRIES)
     if "file" not in source:
-        raise InputError("this robot was read from a MuJoCo model, not from a file: give the file", name="robot")
+        raise InputError(
+            "this robot was read from a MuJoCo model, not from a file: give the file", name="robot"
+        )
     given = plain_source(source)
     arrays = checks.mapping("model", given.pop("model", {}))
     try:
@@ -56,7 +61,9 @@ def read_robot(source: Mapping[str, Any]) -> Robot:
         given["rotors"] = [Rotor(**rotor) for rotor in given.get("rotors", ())] or None
         robot = load_robot(given.pop("file"), **given)
     except (TypeError, LookupError) as error:
-        raise InputError(f"this describes no robot: {reason(error)}", name="robot", value=source) from error
+        raise InputError(
+            f"this describes no robot: {reason(error)}", name="robot", value=source
+        ) from error
     for name, values in arrays.items():
         checks.one_of("array of the robot's model", name, CHANGED)
         array = _infinite(checks.array(f"{name} of the robot", values, robot.model.nv))
@@ -70,21 +77,33 @@ def _infinite(values: Any) -> Any:
 
 
 def named_robot(robot: Any) -> str | Robot:
-    """A robot, or its source, as scenarios hold it: the name of one that is known, else the robot."""
+    """A robot, or its source, as scenarios hold it: the name of one that is known, else the
+    robot.
+    """
     if isinstance(robot, Mapping):
         robot = read_robot(robot)
     if not isinstance(robot, Robot):
         name = known_name(robot)
         path = isinstance(name, str) and (Path(name).suffix or Path(name).name != name)
-        hint = "a file comes with its feet: hp.load_robot(path, feet=...), --robot FILE --feet NAME,..." if path else ""
+        hint = (
+            "a file comes with its feet: hp.load_robot(path, feet=...), --robot FILE --feet "
+            "NAME,..."
+            if path
+            else ""
+        )
         checks.one_of("robot", name, ("harpy", *CATALOGUE), hint=hint)
         return str(name)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # they were shown when it was read
         same = "file" in robot.source and read_robot(robot.source).model == robot.model
     if not same:
-        message = f"'{robot.name}' is not what its file says, which no scenario can write down: change it by"
-        raise InputError(f"{message} with_joints, or give hp.walk a gait of it", name="robot", value=robot)
+        message = (
+            f"'{robot.name}' is not what its file says, which no scenario can write down: "
+            f"change it by"
+        )
+        raise InputError(
+            f"{message} with_joints, or give hp.walk a gait of it", name="robot", value=robot
+        )
     if robot.source == {"file": robot.label}:
         return robot.label
     return "harpy" if robot.source == load_harpy().source else robot
@@ -93,4 +112,6 @@ def named_robot(robot: Any) -> str | Robot:
 def loaded_robot(robot: Any) -> Robot:
     """A robot that may be given by its name."""
     robot = robot if isinstance(robot, Robot) else named_robot(robot)
-    return load_harpy() if robot == "harpy" else load_robot(robot) if isinstance(robot, str) else robot
+    return (
+        load_harpy() if robot == "harpy" else load_robot(robot) if isinstance(robot, str) else robot
+    )

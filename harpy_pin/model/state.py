@@ -1,4 +1,6 @@
-"""What flows between plant and controller: :class:`State` and :class:`Command`. Conventions: see :class:`State`."""
+"""What flows between plant and controller: :class:`State` and :class:`Command`. Conventions: see
+:class:`State`.
+"""
 
 from __future__ import annotations
 
@@ -20,19 +22,23 @@ class State:
     """What a controller gets at each tick. The conventions of the whole library are stated here.
 
     - Units are SI: m, kg, s, N, N·m, rad.
-    - World frame: x forward, y left, z up, right-handed. The ground is the plane z = 0, gravity is (0, 0, −9.81) m/s².
-    - Body frame: fixed to the base link, parallel to the world frame when the robot stands upright and faces x.
-    - q = (position of the body's origin in the world (3), quaternion in the order x, y, z, w (4), joint angles). The
-      quaternion turns body axes into world axes: p_world = position + R p_body.
-    - v = (linear velocity of the body's origin (3), angular velocity of the body (3), joint velocities). The two of the
-      body are in *body* axes, as Pinocchio has them for a free flyer. So nv = nq − 1, and the body's linear velocity
-      in world axes is R v[:3].
-    - Joints follow the order of the model (``robot.joints``). Harpy's: left hip frontal, left hip sagittal, left knee,
-      then the same on the right; nq = 13, nv = 12. A positive frontal angle is a right-handed turn about x, a positive
-      sagittal or knee angle one about y, of the lower link against the upper.
+    - World frame: x forward, y left, z up, right-handed. The ground is the plane z = 0, gravity is
+      (0, 0, −9.81) m/s².
+    - Body frame: fixed to the base link, parallel to the world frame when the robot stands upright
+      and faces x.
+    - q = (position of the body's origin in the world (3), quaternion in the order x, y, z, w (4),
+      joint angles). The quaternion turns body axes into world axes: p_world = position + R p_body.
+    - v = (linear velocity of the body's origin (3), angular velocity of the body (3), joint
+      velocities). The two of the body are in *body* axes, as Pinocchio has them for a free flyer.
+      So nv = nq − 1, and the body's linear velocity in world axes is R v[:3].
+    - Joints follow the order of the model (``robot.joints``). Harpy's: left hip frontal, left hip
+      sagittal, left knee, then the same on the right; nq = 13, nv = 12. A positive frontal angle is
+      a right-handed turn about x, a positive sagittal or knee angle one about y, of the lower link
+      against the upper.
     - Feet and thrusters follow ``robot.feet`` and ``robot.thrusters``: left, then right.
-    - Contact forces act from the ground on the robot, thrusts from the thruster on the robot, joint torques from the
-      upper link on the lower one. The force on a stance foot points upwards (z > 0).
+    - Contact forces act from the ground on the robot, thrusts from the thruster on the robot, joint
+      torques from the upper link on the lower one. The force on a stance foot points upwards (z >
+      0).
     - Everything about feet, contact forces and thrusts is in world axes.
 
     Attributes:
@@ -53,7 +59,10 @@ class State:
 
     def __repr__(self) -> str:
         place = ", ".join(f"{value:.3f}" for value in np.asarray(self.q)[:3])
-        return f"State(t={self.t:.3f} s, body at ({place}) m, nq={len(self.q)}, {len(self.foot_position)} feet)"
+        return (
+            f"State(t={self.t:.3f} s, body at ({place}) m, nq={len(self.q)}, "
+            f"{len(self.foot_position)} feet)"
+        )
 
     def copy(self) -> State:
         """A state that shares no memory with this one."""
@@ -73,8 +82,8 @@ class Command(KeepsViews):
 
     Args:
         torque: (joints,) joint torques, in the order of the model, N·m.
-        thrust: (thrusters, 3) forces of thrusters and rotors on the robot, world axes, N; that of a rotor is along its
-            axis, see :mod:`harpy_pin.model.rotor`. None for a robot without any.
+        thrust: (thrusters, 3) forces of thrusters and rotors on the robot, world axes, N; that of a
+            rotor is along its axis, see :mod:`harpy_pin.model.rotor`. None for a robot without any.
         q: (joints,) joint targets q*, rad. They need a stiffness.
         v: (joints,) targets of their velocities q̇*, rad/s; zero by default.
         k_p: (joints,) stiffness of the motors, or one for all, N·m/rad.
@@ -86,7 +95,8 @@ class Command(KeepsViews):
         law: (4, joints) rows q*, q̇*, k_p and k_d; None for torque alone.
 
     Raises:
-        InputError: numbers of the motors' law that do not fit the torques, are not finite, or gains that are negative.
+        InputError: numbers of the motors' law that do not fit the torques, are not finite, or gains
+            that are negative.
     """
 
     torque: Vector
@@ -122,7 +132,11 @@ class Command(KeepsViews):
 
 
 def _motor_law(
-    joints: int, q: ArrayLike | None, v: ArrayLike | None, k_p: ArrayLike | None, k_d: ArrayLike | None
+    joints: int,
+    q: ArrayLike | None,
+    v: ArrayLike | None,
+    k_p: ArrayLike | None,
+    k_d: ArrayLike | None,
 ) -> Vector:
     """The rows of a command's law (4, joints)."""
     law = np.zeros((4, joints))
@@ -133,5 +147,7 @@ def _motor_law(
             given = np.full(joints, value) if row > 1 and np.ndim(value) == 0 else value
             law[row] = checks.vector(name, given, joints)
     if (law[2:] < 0.0).any():
-        raise InputError("gains of the motors must not be negative", name="k_p", value=law[2:].min())
+        raise InputError(
+            "gains of the motors must not be negative", name="k_p", value=law[2:].min()
+        )
     return law

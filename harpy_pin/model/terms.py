@@ -1,9 +1,11 @@
-"""Rigid-body terms in one compiled pass over the tree: kinematics, bias forces (RNEA), mass matrix (CRBA) and points.
+"""Rigid-body terms in one compiled pass over the tree: kinematics, bias forces (RNEA), mass matrix
+(CRBA) and points.
 
-The recursions are Featherstone's (Rigid Body Dynamics Algorithms, 2008, chapters 5 and 6), with every motion and force
-expressed in the axes of the base and at its origin. So composite inertias add without being transformed, the columns of
-the base need no arithmetic, and nothing loses digits far from the world's origin. Pinocchio has the same algorithms; at
-this size they cost less than the calls from Python to them do, which is why they stand here too. Tests compare the two.
+The recursions are Featherstone's (Rigid Body Dynamics Algorithms, 2008, chapters 5 and 6), with
+every motion and force expressed in the axes of the base and at its origin. So composite inertias
+add without being transformed, the columns of the base need no arithmetic, and nothing loses digits
+far from the world's origin. Pinocchio has the same algorithms; at this size they cost less than the
+calls from Python to them do, which is why they stand here too. Tests compare the two.
 """
 
 from __future__ import annotations
@@ -32,10 +34,13 @@ if TYPE_CHECKING:
 GOOD, BAD, MISFIT = 0, 1, 2
 """What a kernel says of its arguments: fine, a bad sample, of the wrong size."""
 MAX_SAMPLE = 1e6
-"""Largest number of a good sample, in m, rad, m/s, rad/s, N or N·m: far beyond what any robot can be or do."""
+"""Largest number of a good sample, in m, rad, m/s, rad/s, N or N·m: far beyond what any robot can
+be or do.
+"""
 SAME_FORCE = 1e-6
-"""Largest difference between the force that is commanded of a rotor and the one it has that counts as none, relative to
-1 N + the command."""
+"""Largest difference between the force that is commanded of a rotor and the one it has that counts
+as none, relative to 1 N + the command.
+"""
 
 
 @kernel
@@ -167,7 +172,9 @@ def _base_terms(t: TreeRecord, mass_matrix: Vector, bias: Vector) -> None:
 
 @kernel
 def point_terms(d: DynamicsRecord, q: Vector) -> None:
-    """Positions, velocities, drifts and Jacobians of feet, thruster mounts and rotors, after :func:`place_bodies`."""
+    """Positions, velocities, drifts and Jacobians of feet, thruster mounts and rotors, after
+    :func:`place_bodies`.
+    """
     t, feet = d.tree, d.foot_position.shape[0]
     free = d.body.shape[0] - feet - d.rotor_axis.shape[0]
     for k in range(d.body.shape[0]):
@@ -196,7 +203,9 @@ def _motion(d: DynamicsRecord, q: Vector, k: int, i: int, p: Vector) -> None:
 
 @kernel
 def _jacobian(t: TreeRecord, i: int, p: Vector, out: Vector) -> None:
-    """Linear Jacobian, world axes, of a point of body i; columns of joints beyond it stay as they are."""
+    """Linear Jacobian, world axes, of a point of body i; columns of joints beyond it stay as they
+    are.
+    """
     r = t.rotation
     while t.parent.shape[0] > 1 and i > 0:  # a compiler sees that a single body has none above it
         s = t.screw[i]
@@ -207,11 +216,14 @@ def _jacobian(t: TreeRecord, i: int, p: Vector, out: Vector) -> None:
 
 @kernel
 def _rotor(d: DynamicsRecord, n: int, i: int, p: Vector, out: Vector) -> None:
-    """Axis in the world of rotor n of body i, and its row of the Jacobian; columns as in :func:`_jacobian`."""
+    """Axis in the world of rotor n of body i, and its row of the Jacobian; columns as in
+    :func:`_jacobian`.
+    """
     t = d.tree
     axis = t.axes[i] @ d.body_axis[n]
     d.rotor_axis[n] = t.rotation @ axis
-    # The wrench of a unit thrust at the base's origin, base axes: what a joint does of it follows from its screw.
+    # The wrench of a unit thrust at the base's origin, base axes: what a joint does of it follows
+    # from its screw.
     moment = np.cross(p, axis) + d.drag[n] * axis
     while t.parent.shape[0] > 1 and i > 0:  # a compiler sees that a single body has none above it
         s = t.screw[i]
@@ -222,7 +234,9 @@ def _rotor(d: DynamicsRecord, n: int, i: int, p: Vector, out: Vector) -> None:
 
 @kernel
 def integrate(t: TreeRecord, q: Vector, displacement: Vector) -> None:
-    """Move q by velocity times time, in place, as Pinocchio's ``integrate``: the base along a screw."""
+    """Move q by velocity times time, in place, as Pinocchio's ``integrate``: the base along a
+    screw.
+    """
     _move_base(q, displacement)
     for i in range(1, t.parent.shape[0]):
         place, step = t.place[i], displacement[t.column[i]]
@@ -248,7 +262,9 @@ def _move_base(q: Vector, d: Vector) -> None:
         b = 2.0 * half * half
         c = (angle - np.sin(angle)) / (square * angle)
     u = np.cross(w, d[:3])
-    q[:3] += rotate(q[3:7], d[:3] + b * u + c * np.cross(w, u))  # p ← p + R V d, V = 1 + b [w] + c [w]²
+    q[:3] += rotate(
+        q[3:7], d[:3] + b * u + c * np.cross(w, u)
+    )  # p ← p + R V d, V = 1 + b [w] + c [w]²
     if cosine < 0.0:  # of the two quaternions of one rotation, the one nearer to the last
         half, cosine = -half, -cosine
     turned = quaternion_product(q[3:7], np.array([*(half * w), cosine]))
@@ -260,8 +276,9 @@ def update_terms(d: DynamicsRecord, q: Vector, v: Vector) -> int:
     """Every term at a state, on an element of the record.
 
     Returns:
-        ``GOOD``; ``BAD`` for a state that no robot can have, see :attr:`harpy_pin.model.dynamics.Dynamics.finite`;
-        ``MISFIT``, with nothing done, for arrays of wrong sizes.
+        ``GOOD``; ``BAD`` for a state that no robot can have, see
+        :attr:`harpy_pin.model.dynamics.Dynamics.finite`; ``MISFIT``, with nothing done, for arrays
+        of wrong sizes.
     """
     t = d.tree
     if q.shape[0] != v.shape[0] + t.unbounded + 1 or v.shape[0] != d.bias.shape[0]:
@@ -273,15 +290,24 @@ def update_terms(d: DynamicsRecord, q: Vector, v: Vector) -> int:
     return GOOD if good else BAD
 
 
-@kernel(position=("n", 3), desired=("n", 3), jacobian=("3n", "m"), drift=("3n",), rows=("6+", "m"), value=("6+",))
+@kernel(
+    position=("n", 3),
+    desired=("n", 3),
+    jacobian=("3n", "m"),
+    drift=("3n",),
+    rows=("6+", "m"),
+    value=("6+",),
+)
 def flat_foot_rows(
     jacobian: Vector, drift: Vector, desired: Vector, position: Vector, rows: Vector, value: Vector
 ) -> None:
-    """Six rows that hold a flat foot as a rigid body: ``rows`` (6, nv) a = ``value`` (6,), both out.
+    """Six rows that hold a flat foot as a rigid body: ``rows`` (6, nv) a = ``value`` (6,), both
+    out.
 
-    Of the accelerations α (n, 3) desired of its corners they are the rigid motion nearest to them: mean and first
-    moment about the middle of the corners, Σ (J_i a + J̇_i v − α_i) = 0 and Σ ρ_i × (J_i a + J̇_i v − α_i) / s = 0.
-    Jacobian, drift J̇ v and positions are those of the corners, in world axes.
+    Of the accelerations α (n, 3) desired of its corners they are the rigid motion nearest to them:
+    mean and first moment about the middle of the corners, Σ (J_i a + J̇_i v − α_i) = 0 and Σ ρ_i ×
+    (J_i a + J̇_i v − α_i) / s = 0. Jacobian, drift J̇ v and positions are those of the corners, in
+    world axes.
     """
     n, middle, size = position.shape[0], np.zeros(3), 0.0
     rows[:6] = 0.0
@@ -305,8 +331,8 @@ def flat_foot_rows(
 def read_thrusts(d: DynamicsRecord, force: Vector, out: Vector) -> int:
     """The thrust variables of commanded forces (thrusters, 3), world axes, N, into ``out``.
 
-    That of a rotor is its force's part along the axis, within the limits. Returns how many rotors do not have the force
-    that was commanded: it was not along their axis, or beyond their limits.
+    That of a rotor is its force's part along the axis, within the limits. Returns how many rotors
+    do not have the force that was commanded: it was not along their axis, or beyond their limits.
     """
     rotors = d.rotor_axis.shape[0]
     free = force.shape[0] - rotors
@@ -323,7 +349,9 @@ def read_thrusts(d: DynamicsRecord, force: Vector, out: Vector) -> int:
 
 @kernel
 def write_thrusts(d: DynamicsRecord, variables: Vector, out: Vector) -> None:
-    """The forces (thrusters, 3) of thrust variables; the other way round than :func:`read_thrusts`."""
+    """The forces (thrusters, 3) of thrust variables; the other way round than
+    :func:`read_thrusts`.
+    """
     rotors = d.rotor_axis.shape[0]
     free = out.shape[0] - rotors
     for k in range(free):
@@ -334,7 +362,9 @@ def write_thrusts(d: DynamicsRecord, variables: Vector, out: Vector) -> None:
 
 @kernel(array=("n",))
 def all_finite(array: Vector) -> bool:
-    """Whether all entries of a vector are finite numbers; a count, which compilers turn into vector instructions."""
+    """Whether all entries of a vector are finite numbers; a count, which compilers turn into vector
+    instructions.
+    """
     bad = 0
     for i in range(array.shape[0]):
         bad += not abs(array[i]) < np.inf
@@ -364,5 +394,7 @@ def is_unit(q: Vector) -> bool:
 
 @kernel(q=("7+",), rotation=(3, 3))
 def body_rotation(q: Vector, rotation: Vector) -> None:
-    """Rotation matrix, body to world, of a configuration whose entries 3 to 6 are the unit quaternion (x, y, z, w)."""
+    """Rotation matrix, body to world, of a configuration whose entries 3 to 6 are the unit
+    quaternion (x, y, z, w).
+    """
     rotation[:] = rotation_matrix(q[3:7])

@@ -1,7 +1,7 @@
 """The robot's tree of joints and bodies as a record, for kernels that compute its rigid-body terms.
 
-Pinocchio has read and checked the model; here its numbers are laid out flat. The root is a free flyer; every other
-joint has one axis, about which it turns or along which it slides.
+Pinocchio has read and checked the model; here its numbers are laid out flat. The root is a free
+flyer; every other joint has one axis, about which it turns or along which it slides.
 """
 
 from __future__ import annotations
@@ -24,8 +24,8 @@ REVOLUTE, UNBOUNDED, SLIDING = 0, 1, 2
 class TreeRecord(RecordOf):
     """Bodies and joints of a model: what is given, and what kernels work in.
 
-    Bodies are numbered from the base, which is 0; a parent comes before its children. Positions and motions in "base
-    axes" are relative to the base's origin.
+    Bodies are numbered from the base, which is 0; a parent comes before its children. Positions and
+    motions in "base axes" are relative to the base's origin.
     """
 
     parent: NDArray[np.int64]  # (bodies,) of each body
@@ -33,7 +33,9 @@ class TreeRecord(RecordOf):
     place: NDArray[np.int64]  # (bodies,) of the joint's first number in q
     column: NDArray[np.int64]  # (bodies,) of the joint in v
     axis: Vector  # (bodies, 3) of the joint, in its own frame
-    placement: Vector  # (bodies, 3, 3) axes of the joint's frame in those of the parent body, at zero
+    placement: (
+        Vector  # (bodies, 3, 3) axes of the joint's frame in those of the parent body, at zero
+    )
     origin: Vector  # (bodies, 3) of the joint's frame in the parent body's, m
     mass: Vector  # (bodies,) kg
     centre: Vector  # (bodies, 3) of mass, in the body's frame, m
@@ -46,22 +48,35 @@ class TreeRecord(RecordOf):
     position: Vector = sized("bodies", 3)  # of the body's frame, base axes, m
     # motion of unit joint velocity, linear (at the base's origin) and angular, base axes
     screw: Vector = sized("bodies", 6)
-    twist: Vector = sized("bodies", 6)  # velocity, linear (at the base's origin) and angular, base axes
-    drift: Vector = sized("bodies", 6)  # acceleration at zero joint acceleration, less gravity, in the same axes
+    twist: Vector = sized(
+        "bodies", 6
+    )  # velocity, linear (at the base's origin) and angular, base axes
+    drift: Vector = sized(
+        "bodies", 6
+    )  # acceleration at zero joint acceleration, less gravity, in the same axes
     force: Vector = sized("bodies", 6)  # that gives the subtree of a body that acceleration
-    moment: Vector = sized("bodies", 4)  # mass of the subtree of a body, and mass times centre of mass
+    moment: Vector = sized(
+        "bodies", 4
+    )  # mass of the subtree of a body, and mass times centre of mass
     composite: Vector = sized("bodies", 3, 3)  # inertia of the same about the base's origin
 
 
 def tree_record(model: pin.Model) -> Records[TreeRecord]:
     """A new :class:`TreeRecord`.
 
-    A :class:`RobotError` says that the root is no free flyer, or that a joint has several axes, or turns and slides.
+    A :class:`RobotError` says that the root is no free flyer, or that a joint has several axes, or
+    turns and slides.
     """
     joints = list(model.joints)[1:]
-    if joints[0].shortname() != "JointModelFreeFlyer" or not model.jointPlacements[1].isIdentity(0.0):
-        raise RobotError(f"the root of '{model.name}' is not a free flyer with the base's own frame")
-    kinds, axes = zip((REVOLUTE, np.zeros(3)), *(_axis(joint, model) for joint in joints[1:]), strict=True)
+    if joints[0].shortname() != "JointModelFreeFlyer" or not model.jointPlacements[1].isIdentity(
+        0.0
+    ):
+        raise RobotError(
+            f"the root of '{model.name}' is not a free flyer with the base's own frame"
+        )
+    kinds, axes = zip(
+        (REVOLUTE, np.zeros(3)), *(_axis(joint, model) for joint in joints[1:]), strict=True
+    )
     bodies = len(joints)
     inertias = list(model.inertias)[1:]
     placements = list(model.jointPlacements)[1:]
@@ -86,7 +101,8 @@ def tree_record(model: pin.Model) -> Records[TreeRecord]:
 
 
 def feet_moved(model: pin.Model, feet: Sequence[str]) -> list[int]:
-    """How many feet each of the model's joints moves, by Pinocchio's numbers; points on one link are one foot.
+    """How many feet each of the model's joints moves, by Pinocchio's numbers; points on one link
+    are one foot.
 
     A joint that moves one foot is of a leg; one that moves several, such as a waist, of none.
 
@@ -110,6 +126,7 @@ def _axis(joint: Any, model: pin.Model) -> tuple[int, Vector]:
         if not screw[3:].any():
             return SLIDING, screw[:3]
     raise RobotError(
-        f"joint '{model.names[joint.id]}' ({joint.shortname()}) of '{model.name}' is not supported: "
+        f"joint '{model.names[joint.id]}' ({joint.shortname()}) of '{model.name}' is not "
+        f"supported: "
         "a joint turns about one axis, or slides along one"
     )

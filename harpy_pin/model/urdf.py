@@ -1,7 +1,9 @@
-"""Reads a URDF of unknown origin: what Pinocchio's reader would drop, crash on or misread is refused.
+"""Reads a URDF of unknown origin: what Pinocchio's reader would drop, crash on or misread is
+refused.
 
-The checks are our own because yourdfpy, which was tried in their place, accepts NaN, negative masses, cycles and
-entities, answers most of what it refuses with errors of Python's, and brings lxml and trimesh along.
+The checks are our own because yourdfpy, which was tried in their place, accepts NaN, negative
+masses, cycles and entities, answers most of what it refuses with errors of Python's, and brings
+lxml and trimesh along.
 """
 
 from __future__ import annotations
@@ -57,23 +59,29 @@ def build_model(path: Path) -> pin.Model:
 
     Every joint has one number in q. It is Pinocchio's model of the file, but for this:
 
-    - A ``continuous`` joint is a revolute one with infinite position limits, where Pinocchio keeps cosine and sine.
-      If it has no ``<limit>``, its torque and speed are unlimited too.
-    - The base is the first link with a mass or a joint: of massless links that are fixed above it (``base_footprint``)
-      frames are left.
-    - Of a link and a joint of one name the link's frame has it, and the joint's has ``joint:`` before it.
-    - A joint that mimics another moves on its own, as by Pinocchio's default: the coupling is not held.
+    - A ``continuous`` joint is a revolute one with infinite position limits, where Pinocchio keeps
+      cosine and sine. If it has no ``<limit>``, its torque and speed are unlimited too.
+    - The base is the first link with a mass or a joint: of massless links that are fixed above it
+      (``base_footprint``) frames are left.
+    - Of a link and a joint of one name the link's frame has it, and the joint's has ``joint:``
+      before it.
+    - A joint that mimics another moves on its own, as by Pinocchio's default: the coupling is not
+      held.
     - A fixed joint has a place only: axis, limits and dynamics in it are ignored.
 
-    ``floating`` and ``planar`` joints are refused, and so are bodies whose inertia no body can have.
+    ``floating`` and ``planar`` joints are refused, and so are bodies whose inertia no body can
+    have.
 
     Raises:
-        RobotError: the file is missing, too large, malformed, or describes what no body can be; always one line.
+        RobotError: the file is missing, too large, malformed, or describes what no body can be;
+            always one line.
     """
     with robot_errors(path, "a URDF"):
         root = read_xml(path)
         if root.tag != "robot" or root.find("link") is None:
-            raise RobotError(f"{_shown(path)} is not a URDF: it has no <robot> with links", path=path)
+            raise RobotError(
+                f"{_shown(path)} is not a URDF: it has no <robot> with links", path=path
+            )
         links, joints = root.findall("link"), root.findall("joint")
         _check_names([root], "robot")
         _check_names(links, "link")
@@ -93,17 +101,25 @@ def build_model(path: Path) -> pin.Model:
         for joint in joints:
             joint.set("type", str(joint.get("type")).replace("continuous", "revolute"))
         _keep(root, ("link", "joint"))
-        for link in links:  # no model needs shapes, and Pinocchio's reader reports unknown ones on standard error
+        for link in (
+            links
+        ):  # no model needs shapes, and Pinocchio's reader reports unknown ones on standard error
             _keep(link, ("inertial",))
-        # The text that was checked, not the file: two readers of XML need not agree on the same bytes.
-        model = pin.buildModelFromXML(ElementTree.tostring(root, encoding="unicode"), pin.JointModelFreeFlyer())
+        # The text that was checked, not the file: two readers of XML need not agree on the same
+        # bytes.
+        model = pin.buildModelFromXML(
+            ElementTree.tostring(root, encoding="unicode"), pin.JointModelFreeFlyer()
+        )
         for joint in joints:
             if (dynamics := joint.find("dynamics")) is not None:
                 index = model.joints[model.getJointId(joint.get("name"))].idx_v
                 model.armature[index] = float(dynamics.get("armature", "0"))
         for name in unbounded:
             joint = model.joints[model.getJointId(name)]
-            model.lowerPositionLimit[joint.idx_q], model.upperPositionLimit[joint.idx_q] = -np.inf, np.inf
+            model.lowerPositionLimit[joint.idx_q], model.upperPositionLimit[joint.idx_q] = (
+                -np.inf,
+                np.inf,
+            )
         for limits in (model.effortLimit[6:], model.velocityLimit[6:]):
             limits[limits >= UNLIMITED] = np.inf
         _move_base(model, links, joints)
@@ -113,7 +129,8 @@ def build_model(path: Path) -> pin.Model:
 
 
 def find_soles(path: Path, model: pin.Model, frames: Sequence[str]) -> dict[str, FlatFoot]:
-    """The soles of these frames, of the shapes that collide on links that move with them; the joints are at zero.
+    """The soles of these frames, of the shapes that collide on links that move with them; the
+    joints are at zero.
 
     Shapes are boxes, spheres, capsules and cylinders that lie.
 
@@ -129,7 +146,10 @@ def find_soles(path: Path, model: pin.Model, frames: Sequence[str]) -> dict[str,
             geometry, origin = shape.find("geometry/*"), shape.find("origin")
             if geometry is not None and geometry.tag in ("box", "sphere", "capsule", "cylinder"):
                 place = {} if origin is None else origin.attrib
-                x, turn = (np.array(place.get(name, "0 0 0").split(), dtype=float) for name in ("xyz", "rpy"))
+                x, turn = (
+                    np.array(place.get(name, "0 0 0").split(), dtype=float)
+                    for name in ("xyz", "rpy")
+                )
                 size = geometry.get("size", f"0 0 {geometry.get('length', '0')}").split()
                 half, radius = 0.5 * np.array(size, dtype=float), float(geometry.get("radius", "0"))
                 at = frame.placement * pin.SE3(pin.rpy.rpyToMatrix(turn), x)
@@ -139,7 +159,11 @@ def find_soles(path: Path, model: pin.Model, frames: Sequence[str]) -> dict[str,
     for name in filter(model.existFrame, frames):
         number = model.getFrameId(name)
         foot = model.frames[number]
-        own = [(foot.placement.actInv(at), *size) for joint, at, *size in shapes if joint == foot.parentJoint]
+        own = [
+            (foot.placement.actInv(at), *size)
+            for joint, at, *size in shapes
+            if joint == foot.parentJoint
+        ]
         soles[name] = find_sole(own, data.oMf[number].rotation)
     return {name: sole for name, sole in soles.items() if sole is not None}
 
@@ -152,10 +176,14 @@ def robot_errors(path: Path, kind: str, reader: str = "Pinocchio") -> Iterator[N
     except InputError as error:
         raise RobotError(f"{_shown(path)}: {error}", path=path) from error
     except OSError as error:
-        raise RobotError(f"cannot read {_shown(path)}: {error.strerror or error}", path=path) from error
+        raise RobotError(
+            f"cannot read {_shown(path)}: {error.strerror or error}", path=path
+        ) from error
     except (RuntimeError, ValueError, IndexError) as error:
         reason = " ".join(str(error).split())
-        raise RobotError(f"{_shown(path)} is not {kind} that {reader} can read: {reason}", path=path) from error
+        raise RobotError(
+            f"{_shown(path)} is not {kind} that {reader} can read: {reason}", path=path
+        ) from error
 
 
 def _shown(path: Path) -> str:
@@ -164,7 +192,9 @@ def _shown(path: Path) -> str:
 
 
 def read_xml(path: Path) -> ElementTree.Element:
-    """Root of the XML of a robot's file; errors are those of :func:`build_model`, ``InputError`` and ``OSError``."""
+    """Root of the XML of a robot's file; errors are those of :func:`build_model`, ``InputError``
+    and ``OSError``.
+    """
     if not path.is_file():
         found = "it is no file" if path.exists() else "the file does not exist"
         raise RobotError(f"no URDF at {_shown(path)}: {found}", path=path)
@@ -193,7 +223,10 @@ def _expand_xacro(path: Path) -> ElementTree.Element:
     try:
         from xacrodoc import XacroDoc
     except ImportError as error:
-        message = "it is a xacro file: pip install xacrodoc, or make a URDF of it by xacro robot.xacro > robot.urdf"
+        message = (
+            "it is a xacro file: pip install xacrodoc, or make a URDF of it by xacro "
+            "robot.xacro > robot.urdf"
+        )
         raise InputError(message) from error
     try:
         with chdir(path.parent):  # from which it reads what the file includes
@@ -210,23 +243,31 @@ def _check_names(elements: Sequence[ElementTree.Element], kind: str) -> None:
         name = element.get("name", "")
         if not name or not name.isprintable() or len(name) > _MAX_NAME:
             shown = ascii(name[:40])
-            raise InputError(f"name of a {kind} must be 1 to {_MAX_NAME} printable characters, got {shown}")
+            raise InputError(
+                f"name of a {kind} must be 1 to {_MAX_NAME} printable characters, got {shown}"
+            )
         if name in seen:
             raise InputError(f"two {kind}s are named '{name}'")
         seen.add(name)
 
 
-def _check_tree(links: Sequence[ElementTree.Element], joints: Sequence[ElementTree.Element]) -> None:
+def _check_tree(
+    links: Sequence[ElementTree.Element], joints: Sequence[ElementTree.Element]
+) -> None:
     """The joints make one tree of the links, not too large."""
     if len(links) > _MAX_LINKS:
         raise InputError(f"it has {len(links)} links; at most {_MAX_LINKS} are supported")
     names = [link.get("name") for link in links]
     parent_of: dict[str | None, str | None] = {}
     for joint in joints:
-        parent, child = (None if end is None else end.get("link") for end in map(joint.find, ("parent", "child")))
+        parent, child = (
+            None if end is None else end.get("link") for end in map(joint.find, ("parent", "child"))
+        )
         for kind, end in (("parent", parent), ("child", child)):
             if end not in names:
-                raise InputError(f"the {kind} of joint '{joint.get('name')}' is no link of the file")
+                raise InputError(
+                    f"the {kind} of joint '{joint.get('name')}' is no link of the file"
+                )
         if child in parent_of:
             raise InputError(f"link '{child}' is the child of two joints")
         parent_of[child] = parent
@@ -238,7 +279,9 @@ def _check_tree(links: Sequence[ElementTree.Element], joints: Sequence[ElementTr
             raise InputError(f"the joints above link '{link}' go round in a circle")
     roots = [f"'{name}'" for name in names if name not in parent_of]
     if len(roots) > 1:
-        raise InputError(f"its links are not one tree: {roots[0]} and {roots[1]} are both without a parent")
+        raise InputError(
+            f"its links are not one tree: {roots[0]} and {roots[1]} are both without a parent"
+        )
 
 
 def _keep(element: ElementTree.Element, tags: Sequence[str]) -> None:
@@ -249,7 +292,9 @@ def _keep(element: ElementTree.Element, tags: Sequence[str]) -> None:
 
 
 def _make_limited(joint: ElementTree.Element) -> None:
-    """Give a continuous joint without limits one, and numbers to limits of torque and speed that are infinite."""
+    """Give a continuous joint without limits one, and numbers to limits of torque and speed that
+    are infinite.
+    """
     if joint.get("type") == "continuous" and joint.find("limit") is None:
         ElementTree.SubElement(joint, "limit", effort="inf", velocity="inf")
     for limit in joint.iter("limit"):
@@ -258,8 +303,12 @@ def _make_limited(joint: ElementTree.Element) -> None:
                 limit.set(name, str(UNLIMITED))
 
 
-def _move_base(model: pin.Model, links: Sequence[ElementTree.Element], joints: Sequence[ElementTree.Element]) -> None:
-    """Give the floating base the frame of the first link with a mass or a moving child (not ``base_footprint``)."""
+def _move_base(
+    model: pin.Model, links: Sequence[ElementTree.Element], joints: Sequence[ElementTree.Element]
+) -> None:
+    """Give the floating base the frame of the first link with a mass or a moving child (not
+    ``base_footprint``).
+    """
     massive = {link.get("name") for link in links if link.find("inertial") is not None}
     base = model.frames[2].name
     while base not in massive:
@@ -285,7 +334,9 @@ def _name_frames(model: pin.Model) -> None:
 
 
 def _warn_of_ranges(path: Path, joints: Sequence[ElementTree.Element]) -> None:
-    """Say which angles are further from zero than a joint goes, which they may be in degrees or by a turn."""
+    """Say which angles are further from zero than a joint goes, which they may be in degrees or by
+    a turn.
+    """
     far = []
     for joint in joints:
         limit = joint.find("limit")
@@ -295,12 +346,17 @@ def _warn_of_ranges(path: Path, joints: Sequence[ElementTree.Element]) -> None:
                 far.append(f"'{joint.get('name')}' ({low:g} to {high:g} rad)")
     if far:
         more = f" and {len(far) - 1} more" if len(far) > 1 else ""
-        message = f"{_shown(path)}: range of joint {far[0]}{more} is far from zero: is it in degrees, or off by a turn?"
+        message = (
+            f"{_shown(path)}: range of joint {far[0]}{more} is far from zero: is it in "
+            f"degrees, or off by a turn?"
+        )
         warnings.warn(message, stacklevel=5)
 
 
 def _check_numbers(owner: ElementTree.Element) -> None:
-    """Every number of a link or joint is one to both readers, and within its domain; blanks are made single."""
+    """Every number of a link or joint is one to both readers, and within its domain; blanks are
+    made single.
+    """
     kind = f"{owner.tag} '{owner.get('name')}'"
     for inertial in owner.iter("inertial"):
         for tag in ("mass", "inertia"):
@@ -315,7 +371,9 @@ def _check_numbers(owner: ElementTree.Element) -> None:
             what = f"{element.tag} {name} of {kind}"
             parts = (text or "").split()
             if len(parts) != count:
-                raise InputError(f"{what} must be {count} number{'s' * (count > 1)}, got {ascii(text)[:60]}")
+                raise InputError(
+                    f"{what} must be {count} number{'s' * (count > 1)}, got {ascii(text)[:60]}"
+                )
             high = np.inf if element.tag == "limit" else _LARGEST  # a limit that is huge is none
             low = -high if name in _SIGNED else -_ROUNDING if element.tag == "inertia" else 0.0
             for part in parts:
@@ -337,7 +395,9 @@ def _check_joint(joint: ElementTree.Element) -> None:
     """A joint of a supported kind, with an axis and limits in order."""
     name, kind = joint.get("name"), joint.get("type")
     if kind not in _JOINTS:
-        raise InputError(f"joint '{name}' is of type {ascii(kind)[:60]}; supported: {', '.join(_JOINTS)}")
+        raise InputError(
+            f"joint '{name}' is of type {ascii(kind)[:60]}; supported: {', '.join(_JOINTS)}"
+        )
     if kind == "fixed":
         return
     axis, limit = joint.find("axis"), joint.find("limit")
@@ -354,7 +414,8 @@ def _check_joint(joint: ElementTree.Element) -> None:
 def check_bodies(model: pin.Model) -> None:
     """What moves together is a body that can exist, and every joint moves something.
 
-    The links that a fixed joint holds together are one body: files of real robots have links of no use on their own.
+    The links that a fixed joint holds together are one body: files of real robots have links of no
+    use on their own.
     """
     mass = sum(inertia.mass for inertia in model.inertias)
     if mass <= 0.0:
@@ -363,7 +424,10 @@ def check_bodies(model: pin.Model) -> None:
         smallest, middle, largest = np.linalg.eigvalsh(body.inertia)
         margin = _ROUNDING + 1e-6 * abs(largest)
         moments = f"{smallest:.3g}, {middle:.3g}, {largest:.3g} kg·m²"
-        message = f"no body has the inertia of what joint '{name}' moves: of its principal moments {moments} one is"
+        message = (
+            f"no body has the inertia of what joint '{name}' moves: of its principal moments "
+            f"{moments} one is"
+        )
         if smallest < -margin:
             raise InputError(f"{message} negative")
         if smallest + middle < largest - margin:
@@ -372,7 +436,10 @@ def check_bodies(model: pin.Model) -> None:
     try:
         np.linalg.cholesky(matrix)
     except np.linalg.LinAlgError:
-        least = min(list(model.joints)[1:], key=lambda joint: matrix.diagonal()[joint.idx_v :][: joint.nv].min())
+        least = min(
+            list(model.joints)[1:],
+            key=lambda joint: matrix.diagonal()[joint.idx_v :][: joint.nv].min(),
+        )
         raise InputError(
             "its mass matrix is singular: some joint moves no mass and has no armature, "
             f"most likely '{model.names[least.id]}'"

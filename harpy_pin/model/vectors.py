@@ -98,8 +98,13 @@ def force_cross(u: Vector, f: Vector) -> Vector:
 
 @kernel(r=(3, 3))
 def log(r: Vector) -> Vector:
-    """The rotation vector of a rotation, of length up to π, by its quaternion (Solà, 106; Shepperd, 1978)."""
-    v, w = np.array([r[2, 1] - r[1, 2], r[0, 2] - r[2, 0], r[1, 0] - r[0, 1]]), 1.0 + r[0, 0] + r[1, 1] + r[2, 2]
+    """The rotation vector of a rotation, of length up to π, by its quaternion (Solà, 106; Shepperd,
+    1978).
+    """
+    v, w = (
+        np.array([r[2, 1] - r[1, 2], r[0, 2] - r[2, 0], r[1, 0] - r[0, 1]]),
+        1.0 + r[0, 0] + r[1, 1] + r[2, 2],
+    )
     i = 0 if r[0, 0] > max(r[1, 1], r[2, 2]) else 1 if r[1, 1] > r[2, 2] else 2
     if w < 1.0:
         j, k = (i + 1) % 3, (i + 2) % 3

@@ -5,8 +5,9 @@ A run remembers its scenario, so that it can be walked again from its file::
     run = walk(Scenario(controller="wbc", ground=Ground(mu_s=0.25), duration=3.0), save="walk.npz")
     again = walk(Scenario.of(Run.load("walk.npz")))
 
-With the same versions on the same machine the two are equal bit for bit. Only with ProxQP (the whole-body controller's
-default solver) the last digits may differ, as they depend on where its memory lies; those of ``active_set`` do not.
+With the same versions on the same machine the two are equal bit for bit. Only with ProxQP (the
+whole-body controller's default solver) the last digits may differ, as they depend on where its
+memory lies; those of ``active_set`` do not.
 """
 
 from __future__ import annotations
@@ -40,7 +41,8 @@ class Walk:
 
     Attributes:
         scenario: what it was built from.
-        gait: targets of body and feet; ``gait.robot`` is the robot whose mass and inertia the controller assumes.
+        gait: targets of body and feet; ``gait.robot`` is the robot whose mass and inertia the
+            controller assumes.
         controller: that walks it.
         simulator: holds the true robot, in its start state.
         sensors: between them; none where the scenario has neither sensors nor noise nor delay.
@@ -62,7 +64,9 @@ class Walk:
         metadata: Mapping[str, object] | None = None,
         save: str | Path | None = None,
     ) -> Run:
-        """Walk; for arguments and errors see :func:`walk` and :meth:`harpy_pin.simulation.plant.Plant.run`."""
+        """Walk; for arguments and errors see :func:`walk` and
+        :meth:`harpy_pin.simulation.plant.Plant.run`.
+        """
         own = {"own": list(self.own)} if self.own else {}
         more = {} if metadata is None else checks.mapping("metadata", metadata)
         return self.simulator.run(
@@ -79,19 +83,23 @@ class Walk:
 
 
 def build(
-    scenario: Scenario, *, gait: Gait | None = None, controller: Callable[[Gait], Controller] | None = None
+    scenario: Scenario,
+    *,
+    gait: Gait | None = None,
+    controller: Callable[[Gait], Controller] | None = None,
 ) -> Walk:
     """Everything that a walk needs, ready to run: a profiler or a viewer may stand in between.
 
     Args:
         scenario: what to walk.
-        gait: one's own, with its robot, instead of the scenario's gait, speed and URDF. It is laid over ground that is
-            not flat, unless it has a ``terrain`` of its own: ``OnTerrain(gait, Plane(slope=0.0))`` walks blind.
+        gait: one's own, with its robot, instead of the scenario's gait, speed and URDF. It is laid
+            over ground that is not flat, unless it has a ``terrain`` of its own: ``OnTerrain(gait,
+            Plane(slope=0.0))`` walks blind.
         controller: makes one's own controller from the gait, instead of the scenario's.
 
     Raises:
-        InputError: a value that this gait or robot does not have, another control period than the scenario's, or
-            MuJoCo is asked for and not installed.
+        InputError: a value that this gait or robot does not have, another control period than the
+            scenario's, or MuJoCo is asked for and not installed.
         RobotError: the URDF is missing, malformed, or lacks a foot or a thruster.
     """
     checks.instance("scenario", scenario, Scenario)
@@ -101,10 +109,14 @@ def build(
         message = f"controller must be {maker}, such as {example}; got {shown(controller)}"
         raise InputError(message, name="controller", value=controller)
     checks.function("controller", controller, 1)
-    own = tuple(name for name, given in (("gait", gait), ("controller", controller)) if given is not None)
+    own = tuple(
+        name for name, given in (("gait", gait), ("controller", controller)) if given is not None
+    )
     disturbances = scenario.disturbances
     if gait is None:
-        robot = load_harpy(scenario.urdf) if scenario.robot == "harpy" else loaded_robot(scenario.robot)
+        robot = (
+            load_harpy(scenario.urdf) if scenario.robot == "harpy" else loaded_robot(scenario.robot)
+        )
         gait = scenario.gait.make(robot, scenario.felt_ground.stiffness)
         gait = _on_ground(gait, scenario.gait, scenario)
     else:
@@ -113,11 +125,20 @@ def build(
         scenario = replace(scenario, ground=scenario.ground.fitted(gait.robot, walks=walks))
         gait = gait if hasattr(gait, "terrain") else _on_ground(gait, Stand(), scenario)
     if scenario.robot != "harpy" and scenario.robot_name != gait.robot.name:
-        message = f"the gait is of '{gait.robot.name}', the scenario of '{scenario.robot_name}'; a gait of one's own"
-        raise InputError(f"{message} brings its robot along: leave robot out of the scenario", name="gait", value=gait)
+        message = (
+            f"the gait is of '{gait.robot.name}', the scenario of '{scenario.robot_name}'; a "
+            f"gait of one's own"
+        )
+        raise InputError(
+            f"{message} brings its robot along: leave robot out of the scenario",
+            name="gait",
+            value=gait,
+        )
     # The plant first: its kernels are compiled while the controller is made.
     heavy = heavier(gait.robot, disturbances.mass_error) if disturbances.mass_error else gait.robot
-    simulator = scenario.plant.make(heavy, scenario.ground, dt=scenario.dt, actuators=disturbances.actuators)
+    simulator = scenario.plant.make(
+        heavy, scenario.ground, dt=scenario.dt, actuators=disturbances.actuators
+    )
     chosen: Controller
     if controller is not None:
         chosen = controller(gait)
@@ -125,7 +146,9 @@ def build(
         chosen = scenario.controller.make(gait, mu=scenario.mu, period=scenario.period)
     period = getattr(chosen, "period", scenario.period)
     if period != scenario.period:
-        raise InputError(f"the controller's period {period:g} s is not the scenario's {scenario.period:g} s")
+        raise InputError(
+            f"the controller's period {period:g} s is not the scenario's {scenario.period:g} s"
+        )
     q, v = gait.initial_state(penetration=simulator.static_penetration)
     v[:6] += np.array(disturbances.start_velocity)
     simulator.reset(q, v)
@@ -165,7 +188,8 @@ def walk(
         controller: see :func:`build`.
         on_tick: called with the true state at each tick, before the controller.
         metadata: more entries for the log's metadata.
-        save: file of the log, on disk while the walk goes on; see :meth:`harpy_pin.simulation.plant.Plant.run`.
+        save: file of the log, on disk while the walk goes on; see
+            :meth:`harpy_pin.simulation.plant.Plant.run`.
 
     Returns:
         The log; it ends early if the robot falls.
@@ -177,4 +201,6 @@ def walk(
         RunFileError: the log cannot be written; ``error.run`` holds it if there is one.
         Interrupted: Ctrl-C; ``error.run`` holds the log so far.
     """
-    return build(scenario, gait=gait, controller=controller).run(on_tick=on_tick, metadata=metadata, save=save)
+    return build(scenario, gait=gait, controller=controller).run(
+        on_tick=on_tick, metadata=metadata, save=save
+    )

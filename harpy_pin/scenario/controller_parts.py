@@ -54,7 +54,10 @@ class ControllerPart(Part):
         own = {name: value for name, value in settings.items() if name in defaults_of(cls)}
         parameters = {name: value for name, value in settings.items() if name not in own}
         if parameters:
-            own["parameters"] = {**checks.mapping("parameters", own.get("parameters") or {}), **parameters}
+            own["parameters"] = {
+                **checks.mapping("parameters", own.get("parameters") or {}),
+                **parameters,
+            }
         return super().from_settings(own)
 
     def __post_init__(self) -> None:
@@ -62,9 +65,15 @@ class ControllerPart(Part):
             checks.keep(self, mu=checks.number("mu", self.mu, low=0.0, high=checks.MAX_FRICTION))
         checks.keep(self, parameters=_plain_mapping("parameters", self.parameters))
         for name in self.parameters.keys() & {entry.name for entry in fields(self)}:
-            raise InputError(f"'{name}' is a setting of the part itself, not one of its parameters", name=name)
+            raise InputError(
+                f"'{name}' is a setting of the part itself, not one of its parameters", name=name
+            )
         # Refuses parameters that are not its own.
-        own = {name: value for name, value in self._own_settings().items() if name in defaults_of(self.further)}
+        own = {
+            name: value
+            for name, value in self._own_settings().items()
+            if name in defaults_of(self.further)
+        }
         check_parameters(self.name, {**self.parameters, **own})
 
     @checked
@@ -76,16 +85,24 @@ class ControllerPart(Part):
             mu: friction coefficient that it assumes.
             period: time between its ticks, s.
         """
-        return make_controller(self.name, gait, mu=mu, period=period, **self.parameters, **self._own_settings())
+        return make_controller(
+            self.name, gait, mu=mu, period=period, **self.parameters, **self._own_settings()
+        )
 
     def _own_settings(self) -> dict[str, Any]:
         """The part's settings for the controller besides its parameters."""
-        return {name: getattr(self, name) for name in defaults_of(type(self)) if name not in ("mu", "parameters")}
+        return {
+            name: getattr(self, name)
+            for name in defaults_of(type(self))
+            if name not in ("mu", "parameters")
+        }
 
 
 @dataclass(frozen=True, kw_only=True)
 class Condensed(ControllerPart):
-    """The whole-body QP condensed to the contact forces, see :class:`harpy_pin.controllers.CondensedController`."""
+    """The whole-body QP condensed to the contact forces, see
+    :class:`harpy_pin.controllers.CondensedController`.
+    """
 
     name = "condensed"
 
@@ -94,8 +111,8 @@ class Condensed(ControllerPart):
 class WholeBody(ControllerPart):
     """The whole-body QP, see :class:`harpy_pin.controllers.WholeBodyController`.
 
-    ProxQP solves it in every tick. With ``{"solver": "active_set"}`` among the parameters it is this library's own
-    search, with which a whole walk is one compiled loop.
+    ProxQP solves it in every tick. With ``{"solver": "active_set"}`` among the parameters it is
+    this library's own search, with which a whole walk is one compiled loop.
     """
 
     name = "wbc"
@@ -103,17 +120,21 @@ class WholeBody(ControllerPart):
 
 @dataclass(frozen=True, kw_only=True)
 class Governed(ControllerPart):
-    """The paper's controller with a governor, for Harpy, see :class:`harpy_pin.controllers.GovernedController`.
+    """The paper's controller with a governor, for Harpy, see
+    :class:`harpy_pin.controllers.GovernedController`.
 
     Attributes:
         mu: friction coefficient that the governor assumes; the ground's static one by default.
-        parameters: further settings, by the names of :class:`harpy_pin.controllers.GovernedParameters`.
+        parameters: further settings, by the names of
+            :class:`harpy_pin.controllers.GovernedParameters`.
         governor: one of :data:`harpy_pin.controllers.GOVERNORS`.
-        evaluate_at: where the governor evaluates its constraints: ``measured`` (state) or ``tracked`` (reference).
+        evaluate_at: where the governor evaluates its constraints: ``measured`` (state) or
+            ``tracked`` (reference).
         limits: whether torques and thrusts are clipped to the hardware's limits.
         thrust: whether it has its thrusters.
         governor_parameters: settings of the governor that differ from their defaults, such as
-            ``{"alpha_n": 40.0, "friction_share": 0.75}``, see :func:`harpy_pin.controllers.make_governor_parameters`.
+            ``{"alpha_n": 40.0, "friction_share": 0.75}``, see
+            :func:`harpy_pin.controllers.make_governor_parameters`.
     """
 
     name = "governed"
@@ -128,12 +149,17 @@ class Governed(ControllerPart):
         super().__post_init__()
         checks.one_of("governor", self.governor, GOVERNORS)
         checks.one_of("evaluate_at", self.evaluate_at, EVALUATE_AT)
-        checks.keep(self, governor_parameters=_plain_mapping("governor_parameters", self.governor_parameters))
+        checks.keep(
+            self,
+            governor_parameters=_plain_mapping("governor_parameters", self.governor_parameters),
+        )
         # Refuses parameters that are not the governor's own.
         make_governor_parameters(self.governor, mu=1.0, changes=self.governor_parameters)
 
 
-CONTROLLER_PARTS: dict[str, type[ControllerPart]] = {kind.name: kind for kind in (Condensed, WholeBody, Governed)}
+CONTROLLER_PARTS: dict[str, type[ControllerPart]] = {
+    kind.name: kind for kind in (Condensed, WholeBody, Governed)
+}
 """The controllers of a scenario by name; the first one is the default."""
 
 
@@ -142,4 +168,6 @@ def _plain_mapping(name: str, value: Any) -> Any:
     try:
         return plain(checks.mapping(name, {} if value is None else value))
     except (AttributeError, TypeError, ValueError) as error:
-        raise InputError(f"{name} must be numbers, names and mappings: {error}", name=name) from None
+        raise InputError(
+            f"{name} must be numbers, names and mappings: {error}", name=name
+        ) from None

@@ -1,4 +1,6 @@
-"""What disturbs a walk: pushes, noise, delay, a wrong mass, other motors, a start that is not the gait's."""
+"""What disturbs a walk: pushes, noise, delay, a wrong mass, other motors, a start that is not the
+gait's.
+"""
 
 from __future__ import annotations
 
@@ -21,16 +23,18 @@ class Disturbances:
 
     Attributes:
         pushes: forces on the body.
-        noise: of the controller's measurements; in a mapping a number is a multiple of typical noise.
+        noise: of the controller's measurements; in a mapping a number is a multiple of typical
+            noise.
         delay: age of the controller's measurements, s, a multiple of the control period (see
             :class:`harpy_pin.simulation.sensors.Sensors`).
-        mass_error: share by which the robot's body is heavier than the controller believes, above −1.
+        mass_error: share by which the robot's body is heavier than the controller believes, above
+            −1.
         actuators: slow or weak motors and joint friction, of which the controller knows nothing.
-        start_velocity: (6,) what the body has too much at the start: linear, m/s, and angular velocity, rad/s, body
-            axes (upright and facing x, so that they agree with the world's).
+        start_velocity: (6,) what the body has too much at the start: linear, m/s, and angular
+            velocity, rad/s, body axes (upright and facing x, so that they agree with the world's).
         seed: of the noise.
-        normal_error: angle by which the normals of the ground that the controller knows are wrong, about y, rad. It
-            takes effect on ground that is not flat.
+        normal_error: angle by which the normals of the ground that the controller knows are wrong,
+            about y, rad. It takes effect on ground that is not flat.
 
     Raises:
         InputError: a value out of its domain.
@@ -47,7 +51,9 @@ class Disturbances:
 
     def __post_init__(self) -> None:
         if not isinstance(self.pushes, list | tuple):
-            raise InputError(f"pushes must be a list, got {shown(self.pushes)}", name="pushes", value=self.pushes)
+            raise InputError(
+                f"pushes must be a list, got {shown(self.pushes)}", name="pushes", value=self.pushes
+            )
         noise: Any = self.noise
         multiple = isinstance(noise, int | float) and not isinstance(noise, bool)
         checks.keep(
@@ -55,7 +61,9 @@ class Disturbances:
             pushes=tuple(read_record(Push, "push", push) for push in self.pushes),
             noise=Noise.typical(noise) if multiple else read_record(Noise, "noise", noise),
             delay=checks.number("delay", self.delay, low=0.0),
-            mass_error=checks.number("mass_error", self.mass_error, low=-1.0, high=MAX_MASS_ERROR, strict=True),
+            mass_error=checks.number(
+                "mass_error", self.mass_error, low=-1.0, high=MAX_MASS_ERROR, strict=True
+            ),
             actuators=read_record(Actuators, "actuators", self.actuators),
             start_velocity=tuple(checks.vector("start_velocity", self.start_velocity, 6).tolist()),
             seed=checks.whole("seed", self.seed),

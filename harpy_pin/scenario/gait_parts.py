@@ -83,7 +83,8 @@ class Straight(GaitPart):
 
     Attributes:
         speed: m/s; zero stands on both feet.
-        stiffness: of the ground that the walk is for, N/m; that of the scenario's ground by default.
+        stiffness: of the ground that the walk is for, N/m; that of the scenario's ground by
+            default.
     """
 
     name = "hand"
@@ -93,7 +94,9 @@ class Straight(GaitPart):
     def __post_init__(self) -> None:
         checks.keep(self, speed=checks.number("speed", self.speed, low=-MAX_SPEED, high=MAX_SPEED))
         if self.stiffness is not None:
-            stiffness = checks.number("stiffness", self.stiffness, low=0.0, high=MAX_STIFFNESS, strict=True)
+            stiffness = checks.number(
+                "stiffness", self.stiffness, low=0.0, high=MAX_STIFFNESS, strict=True
+            )
             checks.keep(self, stiffness=stiffness)
 
     @checked
@@ -108,8 +111,8 @@ class Commanded(GaitPart):
     """Harpy follows a velocity command, under a whole-body controller.
 
     Attributes:
-        velocity: (forward, sideways, turning) in m/s, m/s and rad/s, in the frame of the heading; or rows (t, forward,
-            sideways, turning), each valid from its time t, s, on; or as text,
+        velocity: (forward, sideways, turning) in m/s, m/s and rad/s, in the frame of the heading;
+            or rows (t, forward, sideways, turning), each valid from its time t, s, on; or as text,
             ``"0.3 0 0; 4s 0.2 0 0.5"``. Kept as rows.
     """
 
@@ -128,14 +131,16 @@ class Commanded(GaitPart):
 
 @dataclass(frozen=True, kw_only=True)
 class Walking(GaitPart):
-    """A robot with two, four or six feet follows a velocity, see :class:`harpy_pin.gaits.WalkingGait`.
+    """A robot with two, four or six feet follows a velocity, see
+    :class:`harpy_pin.gaits.WalkingGait`.
 
     Attributes:
-        schedule: ``trot`` (default), ``crawl``, ``pace`` or ``bound`` on four feet, ``walk`` (default) or ``step`` on
-            two, or ``stand``.
-        velocity: (forward, sideways, turning[, height]) in m/s, m/s, rad/s and m, in the frame of the heading; or rows
-            with a time t, s, before these, each valid from then on; or as text, ``"0.3 0 0; 4s 0.2 0 0.5"``. Kept as
-            rows. By default 0.3 m/s forward, 0.15 m/s on flat feet.
+        schedule: ``trot`` (default), ``crawl``, ``pace`` or ``bound`` on four feet, ``walk``
+            (default) or ``step`` on two, or ``stand``.
+        velocity: (forward, sideways, turning[, height]) in m/s, m/s, rad/s and m, in the frame of
+            the heading; or rows with a time t, s, before these, each valid from then on; or as
+            text, ``"0.3 0 0; 4s 0.2 0 0.5"``. Kept as rows. By default 0.3 m/s forward, 0.15 m/s on
+            flat feet.
     """
 
     name = "walking"
@@ -181,7 +186,9 @@ class Hover(GaitPart):
         return Hovering(robot)
 
 
-GAIT_PARTS: dict[str, type[GaitPart]] = {kind.name: kind for kind in (Straight, Commanded, Walking, Stand, Hover)}
+GAIT_PARTS: dict[str, type[GaitPart]] = {
+    kind.name: kind for kind in (Straight, Commanded, Walking, Stand, Hover)
+}
 """The gaits of a scenario by name; an extension adds its own when it is imported."""
 
 
@@ -196,10 +203,16 @@ def gaits_of(robot: str | Robot) -> tuple[str, ...]:
         InputError: there is no such robot, or no gait for so many feet.
     """
     robot = named_robot(robot)
-    names = tuple(name for name, kind in GAIT_PARTS.items() if kind.fits(robot) and not why_not(robot, name))
+    names = tuple(
+        name for name, kind in GAIT_PARTS.items() if kind.fits(robot) and not why_not(robot, name)
+    )
     if not names and isinstance(robot, Robot):
         feet = ", ".join(robot.feet)
-        raise InputError(f"no gait is for the {_feet(robot)} feet of '{robot.name}': {feet}", name="robot", value=robot)
+        raise InputError(
+            f"no gait is for the {_feet(robot)} feet of '{robot.name}': {feet}",
+            name="robot",
+            value=robot,
+        )
     return names
 
 
@@ -210,7 +223,9 @@ def _feet(robot: str | Robot) -> int:
 
 
 def schedules_of(robot: str | Robot) -> tuple[str, ...]:
-    """Names of the schedules that a robot other than Harpy can walk by; the first one is its default."""
+    """Names of the schedules that a robot other than Harpy can walk by; the first one is its
+    default.
+    """
     return (*BY_FEET.get(_feet(robot), {}), "stand")
 
 
@@ -228,14 +243,19 @@ def _rows(velocity: Any, entries: int) -> tuple[tuple[float, ...], ...]:
     if isinstance(velocity, str):
         velocity = [_row(part, first=k == 0) for k, part in enumerate(velocity.split(";"))]
     if not is_sequence(velocity) or not len(velocity):
-        message = f"velocity must be (forward, sideways, turning) or rows of (t, ...), got {shown(velocity)}"
+        message = (
+            f"velocity must be (forward, sideways, turning) or rows of (t, ...), got "
+            f"{shown(velocity)}"
+        )
         raise InputError(message, name="velocity", value=velocity)
     first, rows, _ = read_velocity(velocity, entries)
     return tuple((t, *command.tolist()) for t, command in rows or ((0.0, first),))
 
 
 def _row(text: str, *, first: bool) -> list[float]:
-    """A row (t, forward, sideways, turning, ...) from ``Ts VX VY W``; the first one may leave its time out."""
+    """A row (t, forward, sideways, turning, ...) from ``Ts VX VY W``; the first one may leave its
+    time out.
+    """
     words = text.split()
     if first and words and not words[0].endswith("s"):
         words = ["0s", *words]
@@ -244,5 +264,7 @@ def _row(text: str, *, first: bool) -> list[float]:
             raise ValueError
         return [float(words[0][:-1]), *(float(word) for word in words[1:])]
     except (IndexError, ValueError):
-        message = f"velocity must look like 'VX VY W; Ts VX VY W' (m/s, m/s, rad/s), got '{text.strip()}'"
+        message = (
+            f"velocity must look like 'VX VY W; Ts VX VY W' (m/s, m/s, rad/s), got '{text.strip()}'"
+        )
         raise InputError(message, name="velocity", value=text) from None

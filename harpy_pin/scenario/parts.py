@@ -1,4 +1,6 @@
-"""What all parts of a scenario have in common: a name, their own checks, and a form that JSON keeps exactly."""
+"""What all parts of a scenario have in common: a name, their own checks, and a form that JSON keeps
+exactly.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +25,8 @@ class Part:
 
     Attributes:
         name: what the part is called on the command line and in files.
-        extension: the module outside the core that registers it, which files remember; empty for the core's parts.
+        extension: the module outside the core that registers it, which files remember; empty for
+            the core's parts.
     """
 
     name: ClassVar[str]
@@ -54,13 +57,16 @@ class Part:
 
 
 @checked
-def read_part(kinds: Mapping[str, type[_Part]], what: str, value: Any, usual: Sequence[str] = ()) -> _Part:
+def read_part(
+    kinds: Mapping[str, type[_Part]], what: str, value: Any, usual: Sequence[str] = ()
+) -> _Part:
     """A part from itself, its name, or what :meth:`Part.to_dict` made of it.
 
     Args:
         kinds: class of each name.
         what: the part is, for messages.
-        value: to read. A mapping without a name, or None, is the first usual part that has all its settings.
+        value: to read. A mapping without a name, or None, is the first usual part that has all its
+            settings.
         usual: names among which a part is chosen where none is named; all of them by default.
 
     Raises:
@@ -73,14 +79,18 @@ def read_part(kinds: Mapping[str, type[_Part]], what: str, value: Any, usual: Se
     value, usual = {} if value is None else value, usual or (*kinds,)
     if not isinstance(value, Mapping):
         valid = ", ".join(sorted({kind.__name__ for kind in kinds.values()}))
-        raise InputError(f"{what} must be a part ({valid}) or a name, got {shown(value)}", name=what, value=value)
+        raise InputError(
+            f"{what} must be a part ({valid}) or a name, got {shown(value)}", name=what, value=value
+        )
     settings = {key: value[key] for key in value if key not in ("name", "import")}
     name = value.get("name")
     if name is None:
         fitting = (name for name in usual if settings.keys() <= kinds[name].settings().keys())
         name = next(fitting, usual[0])
     if "import" in value and (not isinstance(name, str) or name not in kinds):
-        message = f"the {what} {shown(name)} is known after 'import {value['import']}', which is missing"
+        message = (
+            f"the {what} {shown(name)} is known after 'import {value['import']}', which is missing"
+        )
         raise InputError(message, name=what, value=value)
     check_part_name(kinds, what, name)
     kind = kinds[str(name)]
@@ -92,7 +102,9 @@ def read_part(kinds: Mapping[str, type[_Part]], what: str, value: Any, usual: Se
 
 
 def check_part_name(kinds: Mapping[str, type[Part]], what: str, name: object) -> None:
-    """Refuse a part that is none of these kinds; for a schedule or a governor the message says where it goes."""
+    """Refuse a part that is none of these kinds; for a schedule or a governor the message says
+    where it goes.
+    """
     hint = ""
     if isinstance(name, str):
         if what == "gait" and name in SCHEDULES:
@@ -103,11 +115,17 @@ def check_part_name(kinds: Mapping[str, type[Part]], what: str, name: object) ->
 
 
 def read_record(kind: type[_Record], what: str, value: Any) -> _Record:
-    """A dataclass from itself, or from a mapping of its attributes; unknown and missing names are refused."""
+    """A dataclass from itself, or from a mapping of its attributes; unknown and missing names are
+    refused.
+    """
     if isinstance(value, kind):
         return value
     if not isinstance(value, Mapping):
-        raise InputError(f"{what} must be a {kind.__name__} or a mapping, got {shown(value)}", name=what, value=value)
+        raise InputError(
+            f"{what} must be a {kind.__name__} or a mapping, got {shown(value)}",
+            name=what,
+            value=value,
+        )
     valid = [entry.name for entry in fields(kind)]  # type: ignore[arg-type]
     for name in value:
         checks.one_of(f"entry of the {what}", name, valid)
@@ -135,5 +153,7 @@ def defaults_of(kind: type) -> dict[str, Any]:
 
 
 def plain(value: Any) -> Any:
-    """Mappings, lists, numbers and names as JSON has them, with memory of their own; NumPy's become Python's."""
+    """Mappings, lists, numbers and names as JSON has them, with memory of their own; NumPy's become
+    Python's.
+    """
     return json.loads(json.dumps(value, allow_nan=False, default=lambda other: other.tolist()))

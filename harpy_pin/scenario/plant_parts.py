@@ -12,8 +12,17 @@ from harpy_pin.model.robot import Robot
 from harpy_pin.scenario.parts import Part
 from harpy_pin.simulation.actuators import Actuators
 from harpy_pin.simulation.mujoco.mujoco_plant import MujocoPlant
-from harpy_pin.simulation.mujoco.soft_contact import CONTACTS, DEFAULT_PRESET, PRESETS, preset_ground
-from harpy_pin.simulation.pinocchio_plant import STICTION_TOLERANCE, PinocchioPlant, checked_tolerance
+from harpy_pin.simulation.mujoco.soft_contact import (
+    CONTACTS,
+    DEFAULT_PRESET,
+    PRESETS,
+    preset_ground,
+)
+from harpy_pin.simulation.pinocchio_plant import (
+    STICTION_TOLERANCE,
+    PinocchioPlant,
+    checked_tolerance,
+)
 from harpy_pin.simulation.plant import Plant
 from harpy_pin.simulation.simulator import Simulator
 
@@ -36,7 +45,9 @@ class PlantPart(Part):
 
     @abstractmethod
     @checked
-    def make(self, robot: Robot, ground: Ground, *, dt: float, actuators: Actuators | None = None) -> Plant:
+    def make(
+        self, robot: Robot, ground: Ground, *, dt: float, actuators: Actuators | None = None
+    ) -> Plant:
         """The engine, without a state.
 
         Args:
@@ -57,7 +68,9 @@ class Compliant(PlantPart):
     name = "compliant"
 
     @checked
-    def make(self, robot: Robot, ground: Ground, *, dt: float, actuators: Actuators | None = None) -> Plant:
+    def make(
+        self, robot: Robot, ground: Ground, *, dt: float, actuators: Actuators | None = None
+    ) -> Plant:
         """See :class:`PlantPart`."""
         return Simulator(robot, ground, dt=dt, actuators=actuators)
 
@@ -69,7 +82,8 @@ class Pinocchio(PlantPart):
     See :class:`harpy_pin.simulation.PinocchioPlant`.
 
     Attributes:
-        stiction_tolerance: speed below which friction falls to zero, m/s: a foot that holds some friction creeps.
+        stiction_tolerance: speed below which friction falls to zero, m/s: a foot that holds some
+            friction creeps.
     """
 
     name = "pinocchio"
@@ -79,10 +93,14 @@ class Pinocchio(PlantPart):
         checks.keep(self, stiction_tolerance=checked_tolerance(self.stiction_tolerance))
 
     @checked
-    def make(self, robot: Robot, ground: Ground, *, dt: float, actuators: Actuators | None = None) -> Plant:
+    def make(
+        self, robot: Robot, ground: Ground, *, dt: float, actuators: Actuators | None = None
+    ) -> Plant:
         """See :class:`PlantPart`."""
         tolerance = self.stiction_tolerance
-        return PinocchioPlant(robot, ground, dt=dt, actuators=actuators, stiction_tolerance=tolerance)
+        return PinocchioPlant(
+            robot, ground, dt=dt, actuators=actuators, stiction_tolerance=tolerance
+        )
 
 
 @dataclass(frozen=True)
@@ -90,9 +108,10 @@ class Mujoco(PlantPart):
     """MuJoCo, an extra, see :class:`harpy_pin.simulation.mujoco.MujocoPlant`.
 
     Attributes:
-        preset: one of :data:`harpy_pin.simulation.mujoco.PRESETS`: how stiffness and damping of its contact relate to
-            those of the ground; or one of :data:`harpy_pin.simulation.mujoco.CONTACTS`, MuJoCo's own, which the
-            ground's stiffness and damping do not change.
+        preset: one of :data:`harpy_pin.simulation.mujoco.PRESETS`: how stiffness and damping of its
+            contact relate to those of the ground; or one of
+            :data:`harpy_pin.simulation.mujoco.CONTACTS`, MuJoCo's own, which the ground's stiffness
+            and damping do not change.
         foot_radius: of spheres that roll over the ground, m; feet are points by default.
     """
 
@@ -102,7 +121,9 @@ class Mujoco(PlantPart):
 
     def __post_init__(self) -> None:
         checks.one_of("plant preset", self.preset, (*PRESETS, *CONTACTS))
-        checks.keep(self, foot_radius=checks.number("foot_radius", self.foot_radius, low=0.0, high=1.0))
+        checks.keep(
+            self, foot_radius=checks.number("foot_radius", self.foot_radius, low=0.0, high=1.0)
+        )
 
     @checked
     def felt_ground(self, ground: Ground) -> Ground:
@@ -110,11 +131,17 @@ class Mujoco(PlantPart):
         return preset_ground(ground, self.preset)
 
     @checked
-    def make(self, robot: Robot, ground: Ground, *, dt: float, actuators: Actuators | None = None) -> Plant:
+    def make(
+        self, robot: Robot, ground: Ground, *, dt: float, actuators: Actuators | None = None
+    ) -> Plant:
         """See :class:`PlantPart`."""
         contact, felt = CONTACTS.get(self.preset), self.felt_ground(ground)
-        return MujocoPlant(robot, felt, dt=dt, actuators=actuators, contact=contact, foot_radius=self.foot_radius)
+        return MujocoPlant(
+            robot, felt, dt=dt, actuators=actuators, contact=contact, foot_radius=self.foot_radius
+        )
 
 
-PLANT_PARTS: dict[str, type[PlantPart]] = {kind.name: kind for kind in (Compliant, Pinocchio, Mujoco)}
+PLANT_PARTS: dict[str, type[PlantPart]] = {
+    kind.name: kind for kind in (Compliant, Pinocchio, Mujoco)
+}
 """The physics engines of a scenario by name; the first one is the default."""

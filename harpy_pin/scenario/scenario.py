@@ -1,4 +1,6 @@
-"""Everything that makes a walk, as one immutable value that can be written down and walked again."""
+"""Everything that makes a walk, as one immutable value that can be written down and walked
+again.
+"""
 
 from __future__ import annotations
 
@@ -17,7 +19,14 @@ from harpy_pin.model.robot import Robot
 from harpy_pin.model.source import loaded_robot, named_robot, plain_source
 from harpy_pin.scenario.controller_parts import CONTROLLER_PARTS, ControllerPart
 from harpy_pin.scenario.disturbances import Disturbances
-from harpy_pin.scenario.gait_parts import GAIT_PARTS, GaitPart, Walking, gaits_of, schedules_of, why_not
+from harpy_pin.scenario.gait_parts import (
+    GAIT_PARTS,
+    GaitPart,
+    Walking,
+    gaits_of,
+    schedules_of,
+    why_not,
+)
 from harpy_pin.scenario.parts import plain, read_part, read_record
 from harpy_pin.scenario.plant_parts import PLANT_PARTS, PlantPart
 from harpy_pin.simulation.push import check_pushes
@@ -28,25 +37,30 @@ from harpy_pin.simulation.sensing import ESTIMATED, TRUE
 class Scenario:
     """Everything that makes a walk.
 
-    A part can be given by its name, which gives it its default settings, or as a mapping of its name and settings.
-    Without a name that is the first of its kind that has these settings::
+    A part can be given by its name, which gives it its default settings, or as a mapping of its
+    name and settings. Without a name that is the first of its kind that has these settings::
 
         Scenario(controller="wbc", ground=Ground(mu_s=0.25))
-        Scenario(gait=Commanded(velocity=(0.3, 0.0, 0.2)), controller=Condensed(mu=0.5), plant="mujoco")
-        Scenario(robot="go2", disturbances=Disturbances(delay=2e-3, noise=Noise.typical()))
+        Scenario(gait=Commanded(velocity=(0.3, 0.0, 0.2)), controller=Condensed(mu=0.5),
+        plant="mujoco") Scenario(robot="go2", disturbances=Disturbances(delay=2e-3,
+        noise=Noise.typical()))
 
     Attributes:
-        robot: ``harpy``, the name of a robot of the catalogue (:data:`harpy_pin.model.CATALOGUE`), or a robot of one's
-            own, ``hp.load_robot("my.urdf", feet=...)``.
-        gait: one of :data:`GAIT_PARTS` that the robot has; :class:`Straight` by default, or what fits the other robot.
+        robot: ``harpy``, the name of a robot of the catalogue (:data:`harpy_pin.model.CATALOGUE`),
+            or a robot of one's own, ``hp.load_robot("my.urdf", feet=...)``.
+        gait: one of :data:`GAIT_PARTS` that the robot has; :class:`Straight` by default, or what
+            fits the other robot.
         controller: one of :data:`CONTROLLER_PARTS`; :class:`Condensed` by default.
-        plant: one of :data:`PLANT_PARTS`; :class:`Compliant` by default, :class:`Pinocchio` or :class:`Mujoco`.
-        ground: what the robot walks on; by default of friction 0.25. Where no stiffness is given it is the paper's, for
-            another robot than Harpy one that fits its weight.
+        plant: one of :data:`PLANT_PARTS`; :class:`Compliant` by default, :class:`Pinocchio` or
+            :class:`Mujoco`.
+        ground: what the robot walks on; by default of friction 0.25. Where no stiffness is given it
+            is the paper's, for another robot than Harpy one that fits its weight.
         disturbances: pushes, noise, delay, mass error and start velocity; none by default.
-        sensors: of the robot, which are simulated and logged with the estimate of the state from them; None: none.
-        state: what the controller knows: the ``true`` state, with the noise and delay of the disturbances, or the
-            ``estimated`` one, from sensors that are ``Imu()`` where no others are given.
+        sensors: of the robot, which are simulated and logged with the estimate of the state from
+            them; None: none.
+        state: what the controller knows: the ``true`` state, with the noise and delay of the
+            disturbances, or the ``estimated`` one, from sensors that are ``Imu()`` where no others
+            are given.
         duration: simulated time, s.
         period: time between control ticks, s, a multiple of dt.
         dt: physics step, s, at least 1e-6.
@@ -54,7 +68,8 @@ class Scenario:
 
     Raises:
         InputError: an unknown name, a value out of its domain, or parts that do not go together.
-        RobotError: no stiffness is given, and the robot, whose weight decides on it, is not installed.
+        RobotError: no stiffness is given, and the robot, whose weight decides on it, is not
+            installed.
     """
 
     robot: str | Robot
@@ -94,7 +109,9 @@ class Scenario:
             "gait": read_part(GAIT_PARTS, "gait", gait, gaits_of(robot)),
             "controller": read_part(CONTROLLER_PARTS, "controller", controller),
             "plant": read_part(PLANT_PARTS, "plant", plant),
-            "disturbances": read_record(Disturbances, "disturbances", {} if disturbances is None else disturbances),
+            "disturbances": read_record(
+                Disturbances, "disturbances", {} if disturbances is None else disturbances
+            ),
             "sensors": None if sensors is None else read_record(Imu, "sensors", sensors),
             "state": state,
             "duration": checks.number("duration", duration, low=0.0, strict=True),
@@ -113,7 +130,10 @@ class Scenario:
 
     def __repr__(self) -> str:
         parts = ", ".join(getattr(self, name).name for name in ("gait", "controller", "plant"))
-        return f"Scenario('{self.robot_name}', {parts}, mu_s={self.ground.mu_s:g}, {self.duration:g} s)"
+        return (
+            f"Scenario('{self.robot_name}', {parts}, mu_s={self.ground.mu_s:g}, "
+            f"{self.duration:g} s)"
+        )
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, Scenario) and self.to_dict() == other.to_dict()
@@ -129,19 +149,36 @@ class Scenario:
     def _check_robot(self) -> None:
         """Whether gait, controller and URDF are for this robot, and go together."""
         gait, controller = self.gait.name, self.controller.name
-        checks.one_of(f"gait of '{self.robot_name}'", gait, gaits_of(self.robot), hint=why_not(self.robot, gait))
+        checks.one_of(
+            f"gait of '{self.robot_name}'",
+            gait,
+            gaits_of(self.robot),
+            hint=why_not(self.robot, gait),
+        )
         if isinstance(self.gait, Walking) and self.gait.schedule is not None:
-            checks.one_of(f"schedule of '{self.robot_name}'", self.gait.schedule, schedules_of(self.robot))
+            checks.one_of(
+                f"schedule of '{self.robot_name}'", self.gait.schedule, schedules_of(self.robot)
+            )
         if self.gait.not_governed and controller == "governed":
-            message = f"the paper's controller {self.gait.not_governed}: walk a {gait} gait with 'condensed' or 'wbc'"
+            message = (
+                f"the paper's controller {self.gait.not_governed}: walk a {gait} gait with "
+                f"'condensed' or 'wbc'"
+            )
             raise InputError(message, name="gait", value=gait)
         if self.robot == "harpy":
             return
         if controller == "governed":
-            message = f"the governed controller is for Harpy: '{self.robot_name}' takes 'condensed' or 'wbc'"
+            message = (
+                f"the governed controller is for Harpy: '{self.robot_name}' takes "
+                f"'condensed' or 'wbc'"
+            )
             raise InputError(message, name="controller", value=controller)
         if self.urdf is not None:
-            raise InputError("urdf is a variant of Harpy: it goes with robot='harpy'", name="urdf", value=self.urdf)
+            raise InputError(
+                "urdf is a variant of Harpy: it goes with robot='harpy'",
+                name="urdf",
+                value=self.urdf,
+            )
 
     def _check_times(self) -> None:
         """Whether steps, ticks, delay and pushes fit into each other and into the duration."""
@@ -171,11 +208,18 @@ class Scenario:
 
     def to_dict(self) -> dict[str, Any]:
         """Names and values, those of a part inside it, ready for JSON and exact."""
-        parts = {name: getattr(self, name).to_dict() for name in ("gait", "controller", "plant", "disturbances")}
+        parts = {
+            name: getattr(self, name).to_dict()
+            for name in ("gait", "controller", "plant", "disturbances")
+        }
         parts["sensors"] = None if self.sensors is None else plain(asdict(self.sensors))
         parts["ground"] = plain(self.ground.to_dict())
-        parts["robot"] = plain_source(self.robot.source) if isinstance(self.robot, Robot) else self.robot
-        return {entry.name: parts.get(entry.name, getattr(self, entry.name)) for entry in fields(self)}
+        parts["robot"] = (
+            plain_source(self.robot.source) if isinstance(self.robot, Robot) else self.robot
+        )
+        return {
+            entry.name: parts.get(entry.name, getattr(self, entry.name)) for entry in fields(self)
+        }
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> Scenario:
@@ -188,7 +232,9 @@ class Scenario:
             InputError: unknown names, or values out of their domains.
         """
         if not isinstance(data, Mapping):
-            raise InputError(f"scenario must be a mapping, got {shown(data)}", name="scenario", value=data)
+            raise InputError(
+                f"scenario must be a mapping, got {shown(data)}", name="scenario", value=data
+            )
         data = {**data, "robot": named_robot(data.get("robot", "harpy"))}
         for name in data:
             checks.one_of("entry of the scenario", name, [entry.name for entry in fields(cls)])
@@ -203,13 +249,23 @@ class Scenario:
             run: made by :func:`walk`, or loaded from its file.
 
         Raises:
-            InputError: the run was not made by :func:`walk`, or with a gait or a controller that no scenario names.
+            InputError: the run was not made by :func:`walk`, or with a gait or a controller that no
+                scenario names.
         """
         if "scenario" not in run.metadata:
-            raise InputError("the run holds no scenario: it was not made by walk(scenario)", name="run")
+            raise InputError(
+                "the run holds no scenario: it was not made by walk(scenario)", name="run"
+            )
         own = run.metadata.get("own")
         if own:
-            parts = " and ".join(name for name in ("gait", "controller") if isinstance(own, list) and name in own)
-            message = f"the run was walked with its own {parts or 'parts'}, which its scenario does not hold"
-            raise InputError(f"{message}; Scenario.from_dict(run.metadata['scenario']) is the rest", name="run")
+            parts = " and ".join(
+                name for name in ("gait", "controller") if isinstance(own, list) and name in own
+            )
+            message = (
+                f"the run was walked with its own {parts or 'parts'}, which its scenario "
+                f"does not hold"
+            )
+            raise InputError(
+                f"{message}; Scenario.from_dict(run.metadata['scenario']) is the rest", name="run"
+            )
         return cls.from_dict(run.metadata["scenario"])

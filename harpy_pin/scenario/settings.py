@@ -1,4 +1,6 @@
-"""Settings of a scenario by their dotted names, such as ``controller.mu``: one table of what all the parts have."""
+"""Settings of a scenario by their dotted names, such as ``controller.mu``: one table of what all
+the parts have.
+"""
 
 from __future__ import annotations
 
@@ -39,7 +41,8 @@ def scenario_of(settings: Mapping[str, Any]) -> Scenario:
     """The scenario with these settings.
 
     Args:
-        settings: values by dotted names, such as ``{"controller": "wbc", "controller.weights.swing": 0.5}``.
+        settings: values by dotted names, such as ``{"controller": "wbc",
+            "controller.weights.swing": 0.5}``.
 
     Raises:
         InputError: an unknown name, or a value out of its domain.
@@ -98,7 +101,9 @@ def _entry(name: str, default: Any, of: tuple[str, ...], meaning: str) -> list[S
 
 
 def _inside(record: Any, above: str, of: tuple[str, ...]) -> Iterator[Setting]:
-    """The settings of a record, or of its class; the name of the record and a dot stand above them."""
+    """The settings of a record, or of its class; the name of the record and a dot stand above
+    them.
+    """
     kind = record if isinstance(record, type) else type(record)
     meanings, defaults = _meanings(kind), defaults_of(kind)
     for name, default in (defaults if record is kind else vars(record)).items():
@@ -107,6 +112,11 @@ def _inside(record: Any, above: str, of: tuple[str, ...]) -> Iterator[Setting]:
 
 def _meanings(kind: type) -> dict[str, str]:
     """What the attributes of a class mean, by its documentation and that of its bases."""
-    texts = (inspect.cleandoc(one.__doc__ or "").partition("Attributes:\n")[2] for one in reversed(kind.__mro__))
-    found = (pair for text in texts for pair in re.findall(r"^    (\w+): (.*(?:\n {8}.*)*)", text, re.M))
+    texts = (
+        inspect.cleandoc(one.__doc__ or "").partition("Attributes:\n")[2]
+        for one in reversed(kind.__mro__)
+    )
+    found = (
+        pair for text in texts for pair in re.findall(r"^    (\w+): (.*(?:\n {8}.*)*)", text, re.M)
+    )
     return {name: " ".join(meaning.split()) for name, meaning in found}

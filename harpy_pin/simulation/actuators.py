@@ -1,4 +1,6 @@
-"""Actuators of the true robot that are not what the controllers believe: slow or weak motors, friction, thrusters."""
+"""Actuators of the true robot that are not what the controllers believe: slow or weak motors,
+friction, thrusters.
+"""
 
 from __future__ import annotations
 
@@ -29,17 +31,20 @@ class Actuators:
     """What motors and joints of the true robot do that the model does not say; nothing by default.
 
     Attributes:
-        bandwidth: of the motors, Hz: the torque follows the command with the time constant 1 / (2π bandwidth). The
-            motors have settled at the first command. None: torques are there at once.
-        torque_share: largest torque, as a share of the model's peak torque; the plant clips what is beyond. None: the
-            plant clips nothing, as controllers have limits of their own.
+        bandwidth: of the motors, Hz: the torque follows the command with the time constant 1 / (2π
+            bandwidth). The motors have settled at the first command. None: torques are there at
+            once.
+        torque_share: largest torque, as a share of the model's peak torque; the plant clips what is
+            beyond. None: the plant clips nothing, as controllers have limits of their own.
         viscous_friction: of every joint, N·m·s/rad, besides the model's damping.
-        coulomb_friction: of every joint, N·m, besides the model's dry friction: a joint at rest stays at rest under
-            smaller torques.
+        coulomb_friction: of every joint, N·m, besides the model's dry friction: a joint at rest
+            stays at rest under smaller torques.
         thrusters: lag and limits of the thrusts, also as a mapping.
-        no_load_speed: at which a motor under full voltage has no torque left, at the joint, rad/s: the torque is at
-            most stall (1 − ω/ω₀) along the speed ω, and stall (1 + ω/ω₀) against it. None: torques know no speed.
-        stall_share: torque of a motor at rest under full voltage, as a share of the model's peak torque. None: 1.
+        no_load_speed: at which a motor under full voltage has no torque left, at the joint, rad/s:
+            the torque is at most stall (1 − ω/ω₀) along the speed ω, and stall (1 + ω/ω₀) against
+            it. None: torques know no speed.
+        stall_share: torque of a motor at rest under full voltage, as a share of the model's peak
+            torque. None: 1.
     """
 
     bandwidth: float | None = None
@@ -53,16 +58,27 @@ class Actuators:
     def __post_init__(self) -> None:
         if isinstance(self.thrusters, Mapping):
             for name in self.thrusters:
-                checks.one_of("setting of actuators' thrusters", name, [entry.name for entry in fields(Thrusters)])
+                checks.one_of(
+                    "setting of actuators' thrusters",
+                    name,
+                    [entry.name for entry in fields(Thrusters)],
+                )
             checks.keep(self, thrusters=Thrusters(**self.thrusters))
         checks.instance("actuators' thrusters", self.thrusters, Thrusters)
         if self.stall_share is not None and self.no_load_speed is None:
-            raise InputError("a stall_share needs a no_load_speed", name="stall_share", value=self.stall_share)
+            raise InputError(
+                "a stall_share needs a no_load_speed", name="stall_share", value=self.stall_share
+            )
         for entry in fields(self):
             value = getattr(self, entry.name)
             if entry.name != "thrusters" and (value is not None or entry.default is not None):
-                strict, high = entry.default is None, MAX_BANDWIDTH if entry.name == "bandwidth" else MAX_TORQUE
-                value = checks.number(f"actuators' {entry.name}", value, low=0.0, high=high, strict=strict)
+                strict, high = (
+                    entry.default is None,
+                    MAX_BANDWIDTH if entry.name == "bandwidth" else MAX_TORQUE,
+                )
+                value = checks.number(
+                    f"actuators' {entry.name}", value, low=0.0, high=high, strict=strict
+                )
                 checks.keep(self, **{entry.name: value})
 
     def __bool__(self) -> bool:
@@ -100,24 +116,37 @@ class MotorsRecord(RecordOf):
     torque: Vector = sized("joints")  # (joints,) at the end of the last step, N·m
     mean_torque: Vector = sized("joints")  # (joints,) over the last step, N·m
     settled: int = ZERO  # 0 before the first command
-    place: NDArray[np.int64]  # (joints,) of each joint's angle in q; of its cosine where it has no bounds
+    place: NDArray[
+        np.int64
+    ]  # (joints,) of each joint's angle in q; of its cosine where it has no bounds
     unbounded: NDArray[np.int64]  # (joints,) 1 for a joint whose q is a cosine and a sine
     peak: Vector  # (joints,) torque that a motor with a law of its own does not exceed, N·m
     has_law: int = ZERO  # whether the command has the motors' law below
-    law: Vector = sized(4, "joints")  # targets q* and q̇*, stiffness and damping: rad, rad/s, N·m/rad, N·m·s/rad
+    law: Vector = sized(
+        4, "joints"
+    )  # targets q* and q̇*, stiffness and damping: rad, rad/s, N·m/rad, N·m·s/rad
 
 
 def motors_of(robot: Robot) -> dict[str, Any]:
     """What :func:`motors_record` takes of a robot."""
     joints = list(robot.model.joints)[2:]
     place, unbounded = ([getattr(joint, name) for joint in joints] for name in ("idx_q", "nq"))
-    return {"peak": robot.torque_limit, "place": np.array(place), "unbounded": np.array(unbounded) - 1}
+    return {
+        "peak": robot.torque_limit,
+        "place": np.array(place),
+        "unbounded": np.array(unbounded) - 1,
+    }
 
 
 def motors_record(
-    actuators: Actuators, peak: Vector, place: NDArray[np.int64] | None = None, unbounded: ArrayLike = 0
+    actuators: Actuators,
+    peak: Vector,
+    place: NDArray[np.int64] | None = None,
+    unbounded: ArrayLike = 0,
 ) -> Records[MotorsRecord]:
-    """The motors, for kernels; ``peak`` are the model's peak torques (joints,), N·m, the rest as in the record."""
+    """The motors, for kernels; ``peak`` are the model's peak torques (joints,), N·m, the rest as in
+    the record.
+    """
     joints, bandwidth, share = len(peak), actuators.bandwidth, actuators.torque_share
     place = np.arange(7, 7 + joints) if place is None else place
     return make_record(
@@ -135,7 +164,9 @@ def motors_record(
 
 @kernel
 def take_law(m: MotorsRecord, law: Vector) -> bool:
-    """Give the motors a law (4, joints) from now on; whether it is one: of finite numbers, and of that shape."""
+    """Give the motors a law (4, joints) from now on; whether it is one: of finite numbers, and of
+    that shape.
+    """
     if law.shape != m.law.shape or not all_finite(law.reshape((law.size,))):
         return False
     m.law[:] = law
@@ -145,7 +176,8 @@ def take_law(m: MotorsRecord, law: Vector) -> bool:
 
 @kernel
 def drive_motors(m: MotorsRecord, command: Vector, q: Vector, v: Vector, dt: float) -> None:
-    """Torques of a step dt, s, under a constant command (joints,), N·m, at a state q (nq,), v (6 + joints,).
+    """Torques of a step dt, s, under a constant command (joints,), N·m, at a state q (nq,), v (6 +
+    joints,).
 
     The exact mean of the lag over the step goes into ``mean_torque``.
     """

@@ -1,10 +1,13 @@
-"""The implicit time step of a contact: forces at the end of a step together with the velocities that they cause.
+"""The implicit time step of a contact: forces at the end of a step together with the velocities
+that they cause.
 
-A foot whose force fits in the cone does not move at all. The law is that of :mod:`harpy_pin.ground.ground`.
+A foot whose force fits in the cone does not move at all. The law is that of
+:mod:`harpy_pin.ground.ground`.
 
-Coulomb friction in the joints is found together with the contact forces. A joint whose friction suffices to hold it
-does not move at all; another one has the whole friction against its motion. Contact forces and joint friction are found
-in turn (Gauss–Seidel), each with the other given, until neither changes.
+Coulomb friction in the joints is found together with the contact forces. A joint whose friction
+suffices to hold it does not move at all; another one has the whole friction against its motion.
+Contact forces and joint friction are found in turn (Gauss–Seidel), each with the other given, until
+neither changes.
 """
 
 from __future__ import annotations
@@ -29,10 +32,14 @@ TOLERANCE = 1e-9  # change of a joint's friction, as a share of its limit, that 
 
 
 @kernel
-def _solve_normal(height: float, free: float, mobility: float, dt: float, k: float, d: float) -> float:
-    """Normal force at the end of a step, N: the law of E1 at height + dt u, with u = free + mobility·force.
+def _solve_normal(
+    height: float, free: float, mobility: float, dt: float, k: float, d: float
+) -> float:
+    """Normal force at the end of a step, N: the law of E1 at height + dt u, with u = free +
+    mobility·force.
 
-    The law, with the vertical jump where the damper engages filled in, is a monotone graph in u: one solution.
+    The law, with the vertical jump where the damper engages filled in, is a monotone graph in u:
+    one solution.
     """
     threshold = -height / dt
     if free >= threshold:
@@ -53,7 +60,9 @@ def _solve_normal(height: float, free: float, mobility: float, dt: float, k: flo
 def _solve_slide_1d(
     free: float, mobility: float, normal: float, mu_s: float, mu_c: float, ground: GroundRecord
 ) -> float:
-    """Friction along one axis, N: zero velocity if the box allows it, else sliding at the Stribeck force."""
+    """Friction along one axis, N: zero velocity if the box allows it, else sliding at the Stribeck
+    force.
+    """
     stick = -free / mobility
     if abs(stick) <= mu_s * normal:
         return stick
@@ -71,7 +80,9 @@ def _solve_slide_1d(
         if abs(gap) <= 1e-13 * start or high - low <= 1e-15:
             break
         ratio = speed / ground.stribeck_velocity
-        slope = 1.0 + mobility * (ground.mu_v - drop * ratio / ground.stribeck_velocity * np.exp(-ratio * ratio))
+        slope = 1.0 + mobility * (
+            ground.mu_v - drop * ratio / ground.stribeck_velocity * np.exp(-ratio * ratio)
+        )
         speed = speed - gap / slope if slope > 0.0 else -1.0
         if speed <= low or speed >= high:
             speed = 0.5 * (low + high)
@@ -82,28 +93,42 @@ def _solve_slide_1d(
 def _solve_two(a: Vector, b: Vector) -> Vector:
     """A⁻¹ b of a symmetric matrix (2, 2)."""
     det = a[0, 0] * a[1, 1] - a[0, 1] * a[0, 1]
-    return np.array([(a[1, 1] * b[0] - a[0, 1] * b[1]) / det, (a[0, 0] * b[1] - a[0, 1] * b[0]) / det])
+    return np.array(
+        [(a[1, 1] * b[0] - a[0, 1] * b[1]) / det, (a[0, 0] * b[1] - a[0, 1] * b[0]) / det]
+    )
 
 
 @kernel
 def _first_gain(u: Vector, a: Vector, most: float, guess: Vector) -> float:
-    """Where to begin: the gain of the force guessed, or as if the mobility were the same in all directions."""
+    """Where to begin: the gain of the force guessed, or as if the mobility were the same in all
+    directions.
+    """
     w = u + a @ guess
     against = -(guess @ w)
     if against > 0.0:
         return float(against / (w @ w + TINY))
     start = np.sqrt(u @ u)
-    return float(max(most / max(start - 0.5 * (a[0, 0] + a[1, 1]) * most, 0.01 * start + TINY), 1e-12))
+    return float(
+        max(most / max(start - 0.5 * (a[0, 0] + a[1, 1]) * most, 0.01 * start + TINY), 1e-12)
+    )
 
 
 @kernel
 def _solve_slide_2d(
-    u: Vector, a: Vector, normal: float, mu_s: float, mu_c: float, ground: GroundRecord, guess: Vector
+    u: Vector,
+    a: Vector,
+    normal: float,
+    mu_s: float,
+    mu_c: float,
+    ground: GroundRecord,
+    guess: Vector,
 ) -> Vector:
-    """Friction in the plane, N: zero velocity if Coulomb's disc allows it, else sliding against the motion.
+    """Friction in the plane, N: zero velocity if Coulomb's disc allows it, else sliding against the
+    motion.
 
-    The force is −g w with w the velocity that it leaves, (I + g A)⁻¹ u, and g |w| = F(|w|). In g − F/|w|, nearly a
-    straight line, Newton's steps find the gain g, with a bracket around it and a guess of the force to begin with.
+    The force is −g w with w the velocity that it leaves, (I + g A)⁻¹ u, and g |w| = F(|w|). In g −
+    F/|w|, nearly a straight line, Newton's steps find the gain g, with a bracket around it and a
+    guess of the force to begin with.
     """
     stick = -_solve_two(a, u)
     if stick @ stick <= (mu_s * normal) ** 2:
@@ -136,7 +161,9 @@ def _solve_slide_2d(
     return -gain * w
 
 
-@kernel(mobility=("3n", "3n"), free_velocity=("3n",), height=("n",), friction=("n", 3), force=("3n",))
+@kernel(
+    mobility=("3n", "3n"), free_velocity=("3n",), height=("n",), friction=("n", 3), force=("3n",)
+)
 def contact_step(
     mobility: Vector,
     free_velocity: Vector,
@@ -150,15 +177,16 @@ def contact_step(
 ) -> int:
     """Contact forces of one implicit time step, by Gauss–Seidel over the feet.
 
-    Finds forces f such that, with foot velocities u = free_velocity + mobility f, each normal force obeys E1 at the
-    end of the step and each friction force obeys E2 at the velocity u, exactly at rest where the cone allows it.
+    Finds forces f such that, with foot velocities u = free_velocity + mobility f, each normal force
+    obeys E1 at the end of the step and each friction force obeys E2 at the velocity u, exactly at
+    rest where the cone allows it.
 
     Args:
         mobility: (3n, 3n) change of foot velocity over the step per newton, dt J M⁻¹ Jᵀ, m/s/N.
         free_velocity: (3n,) foot velocities without contact forces, world axes, m/s.
         height: (n,) foot heights at the start of the step, m.
-        friction: (n, 3) static and sliding coefficient under each foot, see :func:`local_friction`, and the stiffness
-            there relative to the ground's; the damping changes by its root.
+        friction: (n, 3) static and sliding coefficient under each foot, see :func:`local_friction`,
+            and the stiffness there relative to the ground's; the damping changes by its root.
         dt: step, s.
         ground: the element of :attr:`Ground.record`.
         force: (3n,) starting guess in, forces out, world axes, N.
@@ -180,9 +208,14 @@ def contact_step(
         relax = 1.0 if sweep <= 60 else 0.5  # breaks the rare cycle between sticking and sliding
         for k in range(n):
             own, f = mobility[3 * k : 3 * k + 3, 3 * k : 3 * k + 3], force[3 * k : 3 * k + 3]
-            others = free_velocity[3 * k : 3 * k + 3] + mobility[3 * k : 3 * k + 3] @ force - own @ f
+            others = (
+                free_velocity[3 * k : 3 * k + 3] + mobility[3 * k : 3 * k + 3] @ force - own @ f
+            )
             mu_s, mu_c = friction[k, 0], friction[k, 1]
-            stiffness, damping = ground.stiffness * friction[k, 2], ground.damping * np.sqrt(friction[k, 2])
+            stiffness, damping = (
+                ground.stiffness * friction[k, 2],
+                ground.damping * np.sqrt(friction[k, 2]),
+            )
             # Normal and friction of one foot are coupled most: iterate them a few times.
             for _ in range(2):
                 free = others[2] + own[2, :2] @ f[:2]
@@ -211,14 +244,22 @@ def contact_step(
 
 
 @kernel
-def contact_forces(s: StepRecord, ground: GroundRecord, free: Vector, tolerance: float, sweeps: int) -> int:
-    """Contact forces at the end of a step, and the loads on its columns, from velocities without contact forces.
+def contact_forces(
+    s: StepRecord, ground: GroundRecord, free: Vector, tolerance: float, sweeps: int
+) -> int:
+    """Contact forces at the end of a step, and the loads on its columns, from velocities without
+    contact forces.
 
-    Returns the sweeps of the solver, of soles Newton's steps; ``sweeps + 1`` if it did not converge.
+    Returns the sweeps of the solver, of soles Newton's steps; ``sweeps + 1`` if it did not
+    converge.
     """
-    if s.soles.motion.shape[0] > 0:  # known when compiling: of point feet and of soles there is one kernel each
+    if (
+        s.soles.motion.shape[0] > 0
+    ):  # known when compiling: of point feet and of soles there is one kernel each
         return sole_step(s, ground, free, tolerance, sweeps)
-    used = contact_step(s.mobility, free, s.height, s.friction, s.dt, ground, s.force, tolerance, sweeps)
+    used = contact_step(
+        s.mobility, free, s.height, s.friction, s.dt, ground, s.force, tolerance, sweeps
+    )
     s.load[:] = s.force
     return used
 
@@ -229,16 +270,20 @@ class JointFrictionRecord(RecordOf):
     limit: Vector  # (joints,) N·m
     torque: Vector = sized("joints")  # (joints,) of the last step, N·m
     columns: Vector = sized("nv", "joints")  # (nv, joints) L⁻ᵀ S, with M + dt B = Lᵀ L
-    free: Vector = sized("contacts")  # (contacts,) velocities of the feet under it without contact forces, m/s
+    free: Vector = sized(
+        "contacts"
+    )  # (contacts,) velocities of the feet under it without contact forces, m/s
 
 
 @kernel
-def step_with_friction(s: StepRecord, ground: GroundRecord, v: Vector, tolerance: float, sweeps: int) -> int:
+def step_with_friction(
+    s: StepRecord, ground: GroundRecord, v: Vector, tolerance: float, sweeps: int
+) -> int:
     """Contact forces and joint friction; adds the latter's part to the last of the step's columns.
 
-    Columns, mobility and free velocities are those for the contact alone, v (nv,) is the velocity at the beginning of
-    the step; tolerance and most sweeps are the contact solver's. Returns the sweeps of the last contact problem,
-    ``sweeps + 1`` if it or the rounds did not converge.
+    Columns, mobility and free velocities are those for the contact alone, v (nv,) is the velocity
+    at the beginning of the step; tolerance and most sweeps are the contact solver's. Returns the
+    sweeps of the last contact problem, ``sweeps + 1`` if it or the rounds did not converge.
     """
     f, dt, joints = s.joints, s.dt, s.joints.limit.shape[0]
     feet, drive = s.columns[:, : s.load.shape[0]], s.columns[:, s.load.shape[0]]

@@ -1,8 +1,9 @@
 """Ends of the joints: a spring and a damper beyond each, as stiff as a step allows.
 
-A joint that is beyond its end by x gets the torque −k x − d ẋ, never further out. With the inertia I that it has where
-all other joints are free, k = I ω² and d = 2 I ω, critically damped. The frequency is ω = 0.2 / dt, well below 1 / dt,
-where an explicit spring would be unstable. Within its ends a joint feels nothing.
+A joint that is beyond its end by x gets the torque −k x − d ẋ, never further out. With the inertia
+I that it has where all other joints are free, k = I ω² and d = 2 I ω, critically damped. The
+frequency is ω = 0.2 / dt, well below 1 / dt, where an explicit spring would be unstable. Within its
+ends a joint feels nothing.
 """
 
 from __future__ import annotations
@@ -34,17 +35,24 @@ class JointEndsRecord(RecordOf):
 def joint_ends_record(robot: Robot | None = None, dt: float = 1.0) -> Records[JointEndsRecord]:
     """The ends of a robot's joints; of none by default.
 
-    A joint without a range, as where its file gives none, and one that turns without bounds have no ends.
+    A joint without a range, as where its file gives none, and one that turns without bounds have no
+    ends.
 
     Args:
         robot: whose joints.
         dt: step of the plant, s.
     """
-    place, column, low, high, inertia = np.zeros(0, np.int64), np.zeros(0, np.int64), *np.zeros((3, 0))
+    place, column, low, high, inertia = (
+        np.zeros(0, np.int64),
+        np.zeros(0, np.int64),
+        *np.zeros((3, 0)),
+    )
     if robot is not None:
         model, q = robot.model, pin.neutral(robot.model)
         joints = [joint for joint in list(model.joints)[2:] if joint.nq == 1]
-        place, column = (np.array([getattr(j, name) for j in joints], np.int64) for name in ("idx_q", "idx_v"))
+        place, column = (
+            np.array([getattr(j, name) for j in joints], np.int64) for name in ("idx_q", "idx_v")
+        )
         ranged = model.lowerPositionLimit[place] < model.upperPositionLimit[place]
         place, column = place[ranged], column[ranged]
         low, high = model.lowerPositionLimit[place], model.upperPositionLimit[place]
@@ -63,7 +71,9 @@ def joint_ends_record(robot: Robot | None = None, dt: float = 1.0) -> Records[Jo
 
 @kernel
 def hold_at_ends(e: JointEndsRecord, q: Vector, v: Vector, bias: Vector) -> None:
-    """Take the torques of the joints' ends from the bias forces (nv,), N·m, at a state q (nq,), v (nv,)."""
+    """Take the torques of the joints' ends from the bias forces (nv,), N·m, at a state q (nq,), v
+    (nv,).
+    """
     for k in range(e.place.shape[0]):
         angle, j = q[e.place[k]], e.column[k]
         if angle > e.upper[k]:

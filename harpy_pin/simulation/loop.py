@@ -41,7 +41,8 @@ class Controller(Protocol):
 
     - ``period``: time between ticks, s (1 ms where there is none);
     - ``reset()``: forget the past, that is integrals, applied references and warm starts;
-    - ``telemetry() -> Mapping[str, ArrayLike]``: signals of the last tick to log, the same names and shapes each tick;
+    - ``telemetry() -> Mapping[str, ArrayLike]``: signals of the last tick to log, the same names
+      and shapes each tick;
     - ``describe() -> Mapping[str, Any]``: parameters, for the log's metadata.
 
     All controllers of this library have all four.
@@ -51,19 +52,28 @@ class Controller(Protocol):
         """Command of one tick; its arrays may be overwritten by the next.
 
         Args:
-            state: what was measured; its arrays belong to the caller, and are overwritten by the next tick.
+            state: what was measured; its arrays belong to the caller, and are overwritten by the
+                next tick.
         """
         ...
 
 
 def keep_run(
-    plant: Plant, recorder: Recorder, metadata: dict[str, Any], journal: Journal | None, save: str | Path | None
+    plant: Plant,
+    recorder: Recorder,
+    metadata: dict[str, Any],
+    journal: Journal | None,
+    save: str | Path | None,
 ) -> tuple[Run, RunFileError | None]:
-    """The run, and why it could not be written if it was to be. A file is left as it is where nothing was logged."""
+    """The run, and why it could not be written if it was to be. A file is left as it is where
+    nothing was logged.
+    """
     if len(recorder) == 0:
         if journal is not None:
             journal.remove()
-        return Run({name: np.zeros((0, *array.shape)) for name, array in plant.signals.items()}, metadata), None
+        return Run(
+            {name: np.zeros((0, *array.shape)) for name, array in plant.signals.items()}, metadata
+        ), None
     recorder.flush()
     if journal is not None:
         journal.end({**metadata, "format": FORMAT})
@@ -75,7 +85,11 @@ def keep_run(
         kept = ""
         if journal is not None:
             where = f"'{journal.path}'"
-            kept = f"; its rows are in {where}" if journal.error is None else f"; {where} holds its beginning"
+            kept = (
+                f"; its rows are in {where}"
+                if journal.error is None
+                else f"; {where} holds its beginning"
+            )
             journal.close()
         unsaved = RunFileError(f"{error}{kept}", path=save)
         unsaved.run = run
@@ -87,7 +101,8 @@ def keep_run(
 
 @dataclass
 class ClosedLoop:
-    """A closed loop, and how far it came: :attr:`ending` and :attr:`failure` are kept whatever ends it.
+    """A closed loop, and how far it came: :attr:`ending` and :attr:`failure` are kept whatever ends
+    it.
 
     Attributes that :meth:`harpy_pin.simulation.plant.Plant.run` does not have:
         ticks: at most.
@@ -110,7 +125,9 @@ class ClosedLoop:
     failure: Exception | None = None
 
     def run(self, shield: Shield) -> None:
-        """Walk tick by tick until the last one, a fall, or a controller that fails; no signal cuts a row in two."""
+        """Walk tick by tick until the last one, a fall, or a controller that fails; no signal cuts
+        a row in two.
+        """
         simulator, tick, compiled = self.simulator, 0, None
         simulator.counts[:] = 0
         height = float(simulator.q[2]) - simulator.ground_below
@@ -137,7 +154,9 @@ class ClosedLoop:
                 return
             if tick == 0 and self.on_tick is None and self.sensors is None:
                 rules = {"start": start, "period": self.period, "fall_height": fall_height}
-                compiled = simulator.compile_loop(self.controller, self.recorder, substeps=self.substeps, **rules)
+                compiled = simulator.compile_loop(
+                    self.controller, self.recorder, substeps=self.substeps, **rules
+                )
             tick += 1
             if self.on_piece is not None and tick % REPORT == 1:
                 self.on_piece(simulator.t)
@@ -162,7 +181,9 @@ class ClosedLoop:
             command = self.controller.step(measured)
             elapsed = perf_counter_ns() - begin
             if not isinstance(command, Command):
-                raise InputError(f"step() must return a Command, got {type(command).__name__}", name="command")
+                raise InputError(
+                    f"step() must return a Command, got {type(command).__name__}", name="command"
+                )
             command = self.simulator.checked(command)
             with shield.whole():
                 self.simulator.log(self.recorder, command, elapsed, self._telemetry)
@@ -185,7 +206,9 @@ def run_metadata(
         "plant": dict(simulator.describe()),
         "ground": simulator.ground.to_dict(),
         **about(simulator.robot, controller),
-        "torque_limit": plain_source(simulator.robot.torque_limit * min(simulator.actuators.torque_share or 1.0, 1.0)),
+        "torque_limit": plain_source(
+            simulator.robot.torque_limit * min(simulator.actuators.torque_share or 1.0, 1.0)
+        ),
         "pushes": [asdict(push) for push in pushes],
         "contact_sweeps_max": int(simulator.counts[0]),
         "contact_unconverged": int(simulator.counts[1]),

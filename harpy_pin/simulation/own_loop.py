@@ -24,12 +24,15 @@ class Recorder:
 
     Args:
         robot: that walks.
-        controller: whose signals and parameters are kept, too; it may have what a :class:`Controller` may have.
+        controller: whose signals and parameters are kept, too; it may have what a
+            :class:`Controller` may have.
         ground: as far as it is known; pages show its friction and terrain.
     """
 
     @checked
-    def __init__(self, robot: Robot, controller: Any = None, *, ground: Ground | None = None) -> None:
+    def __init__(
+        self, robot: Robot, controller: Any = None, *, ground: Ground | None = None
+    ) -> None:
         self.robot, self.controller, self.ground = robot, controller, ground
         self._rows, self._last, self._motors = Rows(), 0.0, np.zeros(len(robot.joints))
 
@@ -41,7 +44,8 @@ class Recorder:
             command: of the controller at that state.
 
         Raises:
-            InputError: it is another robot's, not finite, or not after the last tick. A late one is kept with its time.
+            InputError: it is another robot's, not finite, or not after the last tick. A late one is
+                kept with its time.
         """
         state, command = as_state(state, self.robot), as_command(command, self.robot)
         if len(self._rows) and not state.t > self._last:
@@ -60,7 +64,9 @@ class Recorder:
         self._last = state.t
 
     def run(self) -> Run:
-        """What was recorded since the last call, two ticks at least; the robot fell where it lies at the end."""
+        """What was recorded since the last call, two ticks at least; the robot fell where it lies
+        at the end.
+        """
         if len(self._rows) < 2:
             raise InputError("two ticks at least make a run", name="recorder")
         signals = self._rows.take()
@@ -69,4 +75,7 @@ class Recorder:
         ending = "fell" if high[-1] < 0.6 * high[0] or cosine < 0.5 else "completed"
         metadata = {"ending": ending, "end_time": self._last, **about(self.robot, self.controller)}
         ground = {} if self.ground is None else {"ground": self.ground.to_dict()}
-        return Run(signals, {**metadata, **ground, "control_period": float(np.median(np.diff(signals["t"])))})
+        return Run(
+            signals,
+            {**metadata, **ground, "control_period": float(np.median(np.diff(signals["t"])))},
+        )

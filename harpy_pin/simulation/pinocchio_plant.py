@@ -148,7 +148,9 @@ class PinocchioPlant(SteppedPlant):
         decay = self.dt / self.substeps * rate  # at most stages (stages + 1)
         self.stages = max(math.ceil(math.sqrt(0.25 + decay) - 0.5), 2)
         if self.substeps * self.stages > MAX_EVALUATIONS:
-            needed = f"{self.substeps * self.stages:,} evaluations in a physics step of {self.dt:g} s"
+            needed = (
+                f"{self.substeps * self.stages:,} evaluations in a physics step of {self.dt:g} s"
+            )
             message = f"feet are too light, or the ground too stiff, for explicit steps: {needed}"
             raise InputError(message, name="ground", value=ground)
 
@@ -196,7 +198,9 @@ class PinocchioPlant(SteppedPlant):
         return pin.aba(self.model, self.data, q, v, tau), force
 
     def _given(self, push: Vector | None) -> Vector:
-        """(nv,) generalised forces of motors, joints' ends, thrusters and a push, constant over a step."""
+        """(nv,) generalised forces of motors, joints' ends, thrusters and a push, constant over a
+        step.
+        """
         given, ends = np.zeros(self.model.nv), np.zeros(self.model.nv)
         hold_at_ends(self._ends, self._q_, self._v_, ends)
         given[6:] = self._record_["motors"]["mean_torque"][0]
@@ -239,7 +243,11 @@ def checked_tolerance(value: float) -> float:
 
 
 def contact_force(
-    height: float, velocity: Sequence[float], contact: Sequence[float], ground: Ground, stiction_tolerance: float
+    height: float,
+    velocity: Sequence[float],
+    contact: Sequence[float],
+    ground: Ground,
+    stiction_tolerance: float,
 ) -> tuple[float, float, float]:
     """Force of the ground on a point: E1 along the normal, E2 in the tangent plane, smooth at rest.
 
@@ -275,7 +283,9 @@ def contact_force(
     return against * x, against * y, normal
 
 
-def legendre_step(rate: Callable[[Vector], Vector], start: Vector, step: float, stages: int) -> Vector:
+def legendre_step(
+    rate: Callable[[Vector], Vector], start: Vector, step: float, stages: int
+) -> Vector:
     """One explicit Runge–Kutta–Legendre step of first order.
 
     RKL1 of Meyer, Balsara and Aslam (J. Comput. Phys. 257, 2014). Stable for decay rates up to

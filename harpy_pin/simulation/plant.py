@@ -1,7 +1,8 @@
 """What all plants share: a robot on a ground, its closed loops and their logs.
 
 They are :class:`harpy_pin.simulation.simulator.Simulator`,
-:class:`harpy_pin.simulation.pinocchio_plant.PinocchioPlant` and :class:`harpy_pin.simulation.mujoco.MujocoPlant`.
+:class:`harpy_pin.simulation.pinocchio_plant.PinocchioPlant` and
+:class:`harpy_pin.simulation.mujoco.MujocoPlant`.
 """
 
 from __future__ import annotations
@@ -53,8 +54,8 @@ GRAVITY = 9.81
 class Attachment(Protocol):
     """What acts on a plant besides commands and pushes, such as a battery behind its thrusters.
 
-    It reads and writes the plant's :attr:`~Plant.record`. Its signals for the log are arrays, by name, that stay where
-    they are.
+    It reads and writes the plant's :attr:`~Plant.record`. Its signals for the log are arrays, by
+    name, that stay where they are.
     """
 
     signals: Mapping[str, NDArray[Any]]
@@ -71,7 +72,8 @@ class Plant(KeepsViews, ABC):
     """A robot, a ground and a time step. It has no state before :meth:`reset` gives it one.
 
     Args:
-        robot: what to simulate; only its feet touch the ground, so that one without feet falls through it.
+        robot: what to simulate; only its feet touch the ground, so that one without feet falls
+            through it.
         ground: contact parameters, those that the feet feel.
         dt: physics step, s.
         gravity: (3,) gravity vector, m/s²; tilt it to stand on a slope.
@@ -86,9 +88,10 @@ class Plant(KeepsViews, ABC):
         attached: see :meth:`attach`.
         slip_path: (feet,) see :mod:`harpy_pin.log.slip`, m.
         slip_net: (feet,) net displacements of the same feet, m.
-        counts: (3,) since the beginning of the last run: most iterations of the contact solver in a step; steps in
-            which they ran out; forces commanded of a rotor that were not along its axis or beyond its limits. The rotor
-            then has the part along its axis, within its limits.
+        counts: (3,) since the beginning of the last run: most iterations of the contact solver in a
+            step; steps in which they ran out; forces commanded of a rotor that were not along its
+            axis or beyond its limits. The rotor then has the part along its axis, within its
+            limits.
 
     Raises:
         InputError: dt is not positive, or gravity is not a finite 3-vector.
@@ -112,7 +115,9 @@ class Plant(KeepsViews, ABC):
         checks.instance("robot", robot, Robot)
         self.ground = Ground() if ground is None else checks.instance("ground", ground, Ground)
         self.dt = checks.number("dt", dt, low=1e-6)
-        self.actuators = Actuators() if actuators is None else checks.instance("actuators", actuators, Actuators)
+        self.actuators = (
+            Actuators() if actuators is None else checks.instance("actuators", actuators, Actuators)
+        )
         self.robot = robot = self.actuators.damped(robot)
         self._ground = self.ground.record
         self._terrain = self._ground["terrain"]
@@ -131,21 +136,32 @@ class Plant(KeepsViews, ABC):
         self.v: Vector = np.zeros(model.nv)
         self.t = 0.0
         self._applied = np.zeros(self._shapes[1])
-        self._noted_torque, self._noted_thrust = np.zeros(self._shapes[0]), np.zeros(self._shapes[1])
+        self._noted_torque, self._noted_thrust = (
+            np.zeros(self._shapes[0]),
+            np.zeros(self._shapes[1]),
+        )
         self._law, self._has_law = (field(record["motors"], name) for name in ("law", "has_law"))
         # logged of commands with a law: it, and the torque of the motors in the last physics step
-        self._law_signals = {"motor_law": self._law, "motor_torque": field(record["motors"], "mean_torque")}
+        self._law_signals = {
+            "motor_law": self._law,
+            "motor_torque": field(record["motors"], "mean_torque"),
+        }
         self._clock, self._tick_ns = np.zeros(()), np.zeros((), np.int64)
         self._prepare()
         self.dynamics.update(self.q, self.v)
         self._placed = False
 
     def __repr__(self) -> str:
-        return f"{type(self).__name__}('{self.robot.name}', t={self.t:.3f} s, mu_s={self.ground.mu_s:g})"
+        return (
+            f"{type(self).__name__}('{self.robot.name}', t={self.t:.3f} s, "
+            f"mu_s={self.ground.mu_s:g})"
+        )
 
     def _make_record(self) -> Records[PlantRecord]:
         """The record of contact and actuators."""
-        return plant_record(PlantRecord, self.robot.sizes, self.actuators, self.dt, motors_of(self.robot))
+        return plant_record(
+            PlantRecord, self.robot.sizes, self.actuators, self.dt, motors_of(self.robot)
+        )
 
     def _prepare(self) -> None:
         """Begin to compile what every run needs; plants add their steps."""
@@ -154,7 +170,8 @@ class Plant(KeepsViews, ABC):
         are_finite.prepare(self._noted_torque, self._noted_thrust)
 
     def reset(self, q: ArrayLike, v: ArrayLike, *, t: float = 0.0) -> None:
-        """Put the robot in a state; contact forces start at zero, motors and thrusters settle at the next command.
+        """Put the robot in a state; contact forces start at zero, motors and thrusters settle at
+        the next command.
 
         Args:
             q: (nq,) configuration (the quaternion is normalised).
@@ -180,7 +197,8 @@ class Plant(KeepsViews, ABC):
         self._placed = True
 
     def attach(self, part: Attachment) -> None:
-        """Let something act after each physics step from now on; runs log its signals, in Python's loop.
+        """Let something act after each physics step from now on; runs log its signals, in Python's
+        loop.
 
         Args:
             part: what acts.
@@ -202,11 +220,15 @@ class Plant(KeepsViews, ABC):
         """
         self._check_placed()
         d = self.dynamics
-        return State(self.t, self._q_, self._v_, d._foot_position_, d._foot_velocity_, self._foot_force).copy()
+        return State(
+            self.t, self._q_, self._v_, d._foot_position_, d._foot_velocity_, self._foot_force
+        ).copy()
 
     @property
     def static_penetration(self) -> float:
-        """Penetration of the feet at rest under equal shares of the load normal to the ground, m; zero without feet."""
+        """Penetration of the feet at rest under equal shares of the load normal to the ground, m;
+        zero without feet.
+        """
         if not self.robot.feet:
             return 0.0
         load = self.robot.mass * max(-float(self.gravity[2]), 0.0)
@@ -230,8 +252,8 @@ class Plant(KeepsViews, ABC):
     def signals(self) -> dict[str, NDArray[Any]]:
         """What a log has of the plant, by name: arrays that stay where they are.
 
-        The command and the times are those of the last logged tick. Of thrusters that lag there are the thrusts of the
-        last step, ``applied_thrust``.
+        The command and the times are those of the last logged tick. Of thrusters that lag there are
+        the thrusts of the last step, ``applied_thrust``.
         """
         d = self.dynamics
         signals = {
@@ -264,7 +286,9 @@ class Plant(KeepsViews, ABC):
     def _take_law(self, command: Command) -> None:
         """Give the motors the command's own law, or none."""
         law = getattr(command, "law", None)
-        if law is not None and not take_law(self._record_["motors"], as_array("command.law", law, self._law.shape)):
+        if law is not None and not take_law(
+            self._record_["motors"], as_array("command.law", law, self._law.shape)
+        ):
             checks.vector("command.law", law, self._law.shape)
         self._has_law[...] = law is not None
 
@@ -278,16 +302,20 @@ class Plant(KeepsViews, ABC):
             steps: how many.
 
         Raises:
-            InputError: before the first :meth:`reset`, or the command's arrays have the wrong shape or are not finite
-                numbers.
+            InputError: before the first :meth:`reset`, or the command's arrays have the wrong shape
+                or are not finite numbers.
         """
 
-    def compile_loop(self, controller: Any, recorder: Recorder, **rules: Any) -> CompiledLoop | None:
-        """The closed loop with a controller as one call of C for many ticks; None where Python makes every tick.
+    def compile_loop(
+        self, controller: Any, recorder: Recorder, **rules: Any
+    ) -> CompiledLoop | None:
+        """The closed loop with a controller as one call of C for many ticks; None where Python
+        makes every tick.
 
         Args:
-            controller: may have ``calls(state)``, the :class:`~harpy_pin.kernels.calls.Call` of a tick at the state in
-                these arrays, or None; ``command``, arrays of torques, thrusts and any motors' law; lasting signals.
+            controller: may have ``calls(state)``, the :class:`~harpy_pin.kernels.calls.Call` of a
+                tick at the state in these arrays, or None; ``command``, arrays of torques, thrusts
+                and any motors' law; lasting signals.
             recorder: of the log; has its first row.
             rules: see :class:`harpy_pin.simulation.ticks.CompiledLoop`.
         """
@@ -312,31 +340,35 @@ class Plant(KeepsViews, ABC):
     ) -> Run:
         """Run a controller in closed loop and log every tick.
 
-        The command is held between ticks. A fall (body below 60 % of its starting height or tilted by more than
-        60°) or a divergence ends the run; the log so far is kept and :attr:`Run.ending` says why.
+        The command is held between ticks. A fall (body below 60 % of its starting height or tilted
+        by more than 60°) or a divergence ends the run; the log so far is kept and
+        :attr:`Run.ending` says why.
 
-        With ``save`` every second of simulated time (every 1000 ticks if that is sooner) is added to ``<save>.part``,
-        which :meth:`Run.load` reads should the process die. At the end the whole log takes its place, also after a
-        fall, a failure or Ctrl-C; a second Ctrl-C waits until it is written.
+        With ``save`` every second of simulated time (every 1000 ticks if that is sooner) is added
+        to ``<save>.part``, which :meth:`Run.load` reads should the process die. At the end the
+        whole log takes its place, also after a fall, a failure or Ctrl-C; a second Ctrl-C waits
+        until it is written.
 
         Args:
             controller: anything with ``step(state) -> Command``.
             duration: simulated time, s.
-            control_period: time between ticks, s, a multiple of dt; the controller's ``period`` (1 ms if it has
-                none) by default.
+            control_period: time between ticks, s, a multiple of dt; the controller's ``period`` (1
+                ms if it has none) by default.
             metadata: more entries for the log's metadata.
-            on_tick: called with the true state at each tick, before the controller; then no two ticks are computed in
-                one compiled call.
+            on_tick: called with the true state at each tick, before the controller; then no two
+                ticks are computed in one compiled call.
             on_piece: called with the time, s, now and then (progress bars).
             pushes: forces on the body, logged in the metadata; their times are the simulator's.
-            sensors: what the controller knows of the state; the true state where there are none. The log keeps the
-                true state.
+            sensors: what the controller knows of the state; the true state where there are none.
+                The log keeps the true state.
             save: file of the log; it may need its size twice for a moment.
 
         Raises:
             InputError: bad duration or period, or a push that lies outside the run.
-            ControlError: the controller raised, or returned no valid command; ``error.run`` holds the log so far.
-            RunFileError: the log cannot be written: found out before the run, or with the log as ``error.run``.
+            ControlError: the controller raised, or returned no valid command; ``error.run`` holds
+                the log so far.
+            RunFileError: the log cannot be written: found out before the run, or with the log as
+                ``error.run``.
             Interrupted: Ctrl-C; ``error.run`` holds the log so far.
         """
         duration = checks.number("duration", duration, low=0.0, strict=True)
@@ -358,7 +390,9 @@ class Plant(KeepsViews, ABC):
             if replaceable(save):
                 journal = Journal(save, {**describe("unfinished"), "format": FORMAT})
         recorder = Recorder(journal, block=min(max(round(1.0 / period), 1), BLOCK))
-        loop = ClosedLoop(self, controller, recorder, ticks, period, substeps, on_tick, on_piece, pushes, sensors)
+        loop = ClosedLoop(
+            self, controller, recorder, ticks, period, substeps, on_tick, on_piece, pushes, sensors
+        )
         with Shield() as shield:
             try:
                 loop.run(shield)
@@ -396,15 +430,17 @@ class Plant(KeepsViews, ABC):
             telemetry: gives more signals.
 
         Raises:
-            InputError: telemetry uses a name of the log itself or none that a signal can have, or changed its names or
-                shapes.
+            InputError: telemetry uses a name of the log itself or none that a signal can have, or
+                changed its names or shapes.
         """
         self._clock[...], self._tick_ns[...] = self.t, elapsed
         self._noted_torque[...], self._noted_thrust[...] = command._torque_, command._thrust_
         for call in self.log_calls:
             call.kernel(*call.arguments)
         own = self.signals
-        if "motor_law" in recorder.layout.shapes or (len(recorder) == 0 and getattr(command, "law", None) is not None):
+        if "motor_law" in recorder.layout.shapes or (
+            len(recorder) == 0 and getattr(command, "law", None) is not None
+        ):
             self._take_law(command)
             own = own | self._law_signals
         row: Mapping[str, ArrayLike] = own
@@ -413,11 +449,14 @@ class Plant(KeepsViews, ABC):
             row = {**own, **signals}
             if len(row) < len(own) + len(signals):
                 taken = ", ".join(sorted(own.keys() & signals.keys()))
-                raise InputError(f"telemetry uses names of the log itself: {taken}", name="telemetry")
+                raise InputError(
+                    f"telemetry uses names of the log itself: {taken}", name="telemetry"
+                )
         recorder.append(row)
 
     def checked(self, command: Command) -> Command:
-        """The command itself where its arrays are finite, float64 and of the robot's sizes, otherwise a copy.
+        """The command itself where its arrays are finite, float64 and of the robot's sizes,
+        otherwise a copy.
 
         Args:
             command: torques and thrusts.
@@ -434,13 +473,20 @@ class Plant(KeepsViews, ABC):
         command = as_command(command, self.robot)
         torque = checks.vector("command.torque", command.torque, self._shapes[0])
         fit = Command(torque, checks.vector("command.thrust", command.thrust, self._shapes[1]))
-        fit.law = None if command.law is None else checks.vector("command.law", command.law, self._law.shape)
+        fit.law = (
+            None
+            if command.law is None
+            else checks.vector("command.law", command.law, self._law.shape)
+        )
         return fit
 
     def _check_placed(self) -> None:
         if not self._placed:
             such = "reset(*gait.initial_state(penetration=simulator.static_penetration))"
-            raise InputError(f"the simulator has no state yet: call reset(q, v), such as {such}", name="simulator")
+            raise InputError(
+                f"the simulator has no state yet: call reset(q, v), such as {such}",
+                name="simulator",
+            )
 
 
 @kernel

@@ -20,7 +20,8 @@ MAX_IMPULSE = 1e6  # N·s along an axis
 class Push:
     """A force on the body's origin that grows and fades as half a sine.
 
-    Each physics step applies the mean of the force over the step, so that the impulse is whole whatever the step.
+    Each physics step applies the mean of the force over the step, so that the impulse is whole
+    whatever the step.
 
     Attributes:
         time: when it begins, s.
@@ -34,7 +35,10 @@ class Push:
 
     def __post_init__(self) -> None:
         impulse = checks.vector("impulse", self.impulse, 3)
-        x, y, z = (checks.number("impulse", part, low=-MAX_IMPULSE, high=MAX_IMPULSE) for part in impulse.tolist())
+        x, y, z = (
+            checks.number("impulse", part, low=-MAX_IMPULSE, high=MAX_IMPULSE)
+            for part in impulse.tolist()
+        )
         time = checks.number("time of the push", self.time, low=0.0)
         duration = checks.number("duration of the push", self.duration, low=0.0, strict=True)
         checks.keep(self, time=time, impulse=(x, y, z), duration=duration)
@@ -49,20 +53,26 @@ class Push:
         """
 
         def before(t: float) -> float:
-            return 0.5 - 0.5 * math.cos(math.pi * min(max((t - self.time) / self.duration, 0.0), 1.0))
+            return 0.5 - 0.5 * math.cos(
+                math.pi * min(max((t - self.time) / self.duration, 0.0), 1.0)
+            )
 
         return before(end) - before(begin)
 
 
 def _are_pushes(pushes: Sequence[Push]) -> None:
     if not isinstance(pushes, Sequence):
-        raise InputError(f"pushes must be a tuple of pushes, got {shown(pushes)}", name="pushes", value=pushes)
+        raise InputError(
+            f"pushes must be a tuple of pushes, got {shown(pushes)}", name="pushes", value=pushes
+        )
     for push in pushes:
         checks.instance("a push", push, Push)
 
 
 def push_forces(pushes: Sequence[Push], t: float, dt: float, steps: int) -> Vector:
-    """(steps, 3) mean force of pushes over each of the physics steps dt, s, from the time t on, world axes, N."""
+    """(steps, 3) mean force of pushes over each of the physics steps dt, s, from the time t on,
+    world axes, N.
+    """
     _are_pushes(pushes)
     force = np.zeros((steps, 3))
     for push in pushes:

@@ -29,8 +29,8 @@ TRUE, ESTIMATED = "true", "estimated"
 class Sensing(KeepsViews):
     """Sensors of a robot whose true motion is known.
 
-    Between two samples the inertial unit takes the mean, as real ones do: its acceleration is the difference of two
-    velocities.
+    Between two samples the inertial unit takes the mean, as real ones do: its acceleration is the
+    difference of two velocities.
 
     Args:
         robot: the true one.
@@ -50,7 +50,11 @@ class Sensing(KeepsViews):
         gravity: Vector | tuple[float, ...] = (0.0, 0.0, -9.81),
         seed: int = 0,
     ) -> None:
-        self.robot, self.imu, self.period = robot, imu, checks.number("period", period, low=0.0, strict=True)
+        self.robot, self.imu, self.period = (
+            robot,
+            imu,
+            checks.number("period", period, low=0.0, strict=True),
+        )
         self.gravity, self.seed = checks.vector("gravity", gravity, 3), checks.whole("seed", seed)
         joints = list(robot.model.joints)[2:]
         self._place = np.array([joint.idx_q for joint in joints], dtype=np.int64)
@@ -60,7 +64,10 @@ class Sensing(KeepsViews):
 
     def reset(self) -> None:
         """Begin anew, with the biases and the noise of the seed."""
-        imu, self._rng = self.imu, np.random.default_rng(np.random.SeedSequence(self.seed, spawn_key=(1,)))
+        imu, self._rng = (
+            self.imu,
+            np.random.default_rng(np.random.SeedSequence(self.seed, spawn_key=(1,))),
+        )
         self.gyroscope_bias = imu.gyroscope_bias * self._rng.standard_normal(3)
         self.accelerometer_bias = imu.accelerometer_bias * self._rng.standard_normal(3)
         self._gain = 1.0 + imu.torque_error * self._rng.standard_normal(len(self.robot.joints))
@@ -89,7 +96,9 @@ class Sensing(KeepsViews):
         felt = self._gain * torque + imu.torque_noise * rng.standard_normal(len(angle))
         force = None
         if imu.foot_noise is not None:
-            force = state.foot_force[:, 2] + imu.foot_noise * rng.standard_normal(len(state.foot_force))
+            force = state.foot_force[:, 2] + imu.foot_noise * rng.standard_normal(
+                len(state.foot_force)
+            )
         gyroscope, accelerometer = self._unit.copy()
         return Readings(state.t, gyroscope, accelerometer, angle, speed, felt, thrust, force)
 
@@ -106,12 +115,19 @@ class Sensing(KeepsViews):
         if self._last is not None:
             before, velocity = self._last
             turn = pin.log3(before.T @ rotation) / period
-            middle, force = before @ pin.exp3(0.5 * period * turn), force + (speed - velocity) / period
+            middle, force = (
+                before @ pin.exp3(0.5 * period * turn),
+                force + (speed - velocity) / period,
+            )
         self._last = rotation, speed
         axes, root = imu.rotation.T, np.sqrt(period)
         self.gyroscope_bias += imu.gyroscope_walk * root * rng.standard_normal(3)
         self.accelerometer_bias += imu.accelerometer_walk * root * rng.standard_normal(3)
-        gyroscope = axes @ turn + self.gyroscope_bias + imu.gyroscope_density / root * rng.standard_normal(3)
+        gyroscope = (
+            axes @ turn
+            + self.gyroscope_bias
+            + imu.gyroscope_density / root * rng.standard_normal(3)
+        )
         accelerometer = axes @ (middle.T @ force) + self.accelerometer_bias
         accelerometer += imu.accelerometer_density / root * rng.standard_normal(3)
         self._unit[0] = np.clip(gyroscope, -imu.gyroscope_range, imu.gyroscope_range)
@@ -123,9 +139,10 @@ class EstimatedState(KeepsViews):
 
     Args:
         plant: placed already; the estimate begins at its state.
-        estimator: of the sensors that are simulated, and of what the controller believes of the robot.
-        controller: whose ``target``, where it has one, says which feet the gait expects on the ground, and whose
-            ``acceleration`` by what the estimate goes on without readings.
+        estimator: of the sensors that are simulated, and of what the controller believes of the
+            robot.
+        controller: whose ``target``, where it has one, says which feet the gait expects on the
+            ground, and whose ``acceleration`` by what the estimate goes on without readings.
         feedback: whether the controller gets the estimate; the true state otherwise.
         seed: of the sensors.
 
@@ -135,10 +152,18 @@ class EstimatedState(KeepsViews):
 
     @checked
     def __init__(
-        self, plant: Plant, estimator: Estimator, *, controller: Any = None, feedback: bool = True, seed: int = 0
+        self,
+        plant: Plant,
+        estimator: Estimator,
+        *,
+        controller: Any = None,
+        feedback: bool = True,
+        seed: int = 0,
     ) -> None:
         self.estimator, self.feedback, self._controller = estimator, feedback, controller
-        self.sensing = Sensing(plant.robot, estimator.imu, period=estimator.period, gravity=plant.gravity, seed=seed)
+        self.sensing = Sensing(
+            plant.robot, estimator.imu, period=estimator.period, gravity=plant.gravity, seed=seed
+        )
         motors = plant._record_["motors"]
         self._torque, self._thrust = field(motors, "mean_torque"), plant.signals["thrust"]
         self._unit = np.zeros((2, 3))
@@ -174,7 +199,8 @@ def estimated_state(
         robot: as the controller believes it to be.
         imu: its sensors.
         period: between samples, s.
-        level: whether footholds are known to be at height zero; by default, whether the plant's ground is.
+        level: whether footholds are known to be at height zero; by default, whether the plant's
+            ground is.
         how: ``controller``, ``feedback`` and ``seed`` of :class:`EstimatedState`.
     """
     if level is None:

@@ -1,4 +1,6 @@
-"""Sensors between plant and controller: noise on what is measured, and the time it takes to arrive."""
+"""Sensors between plant and controller: noise on what is measured, and the time it takes to
+arrive.
+"""
 
 from __future__ import annotations
 
@@ -21,25 +23,29 @@ MAX_NOISE = 1e6  # largest standard deviation, in its unit, and largest scale
 
 @dataclass(frozen=True, kw_only=True)
 class Noise:
-    """Standard deviations of white Gaussian noise, on each component and at each tick; zero means exact.
+    """Standard deviations of white Gaussian noise, on each component and at each tick; zero means
+    exact.
 
-    Which sensor a field stands for, and what such sensors on small legged robots have (orders of magnitude; look them
-    up for your own):
+    Which sensor a field stands for, and what such sensors on small legged robots have (orders of
+    magnitude; look them up for your own):
 
-    ==================  ====================================================  ==========================
-    field               sensor                                                typical
-    ==================  ====================================================  ==========================
-    joint_position      encoder: a step of 2π/2¹⁴ is 0.4 mrad                 0.1 to 1 mrad
-    joint_velocity      difference of encoder counts, filtered                10 to 100 mrad/s
-    angular_velocity    gyroscope of the inertial unit: 0.005 °/s/√Hz over    1 to 10 mrad/s
+    ==================  ====================================================
+    ========================== field               sensor
+    typical ==================  ====================================================
+    ========================== joint_position      encoder: a step of 2π/2¹⁴ is 0.4 mrad
+    0.1 to 1 mrad joint_velocity      difference of encoder counts, filtered                10 to
+    100 mrad/s angular_velocity    gyroscope of the inertial unit: 0.005 °/s/√Hz over    1 to 10
+    mrad/s
                         some 100 Hz is 1 mrad/s, vibration comes on top
     orientation         the inertial unit's filter, roll and pitch            1 to 10 mrad
-    position, velocity  state estimate from legs and inertial unit            1 to 10 mm, 10 to 50 mm/s
-    foot_force          load cell in the foot, or joint torques               0.5 to 5 N
-    ==================  ====================================================  ==========================
+    position, velocity  state estimate from legs and inertial unit            1 to 10 mm, 10 to 50
+    mm/s foot_force          load cell in the foot, or joint torques               0.5 to 5 N
+    ==================  ====================================================
+    ==========================
 
-    Not in it: biases, drift of position and heading, noise that is correlated in time (as an estimate's is: white noise
-    of that size is harder on stiff gains), quantisation, and lost samples.
+    Not in it: biases, drift of position and heading, noise that is correlated in time (as an
+    estimate's is: white noise of that size is harder on stiff gains), quantisation, and lost
+    samples.
 
     Attributes:
         joint_position: rad.
@@ -61,14 +67,18 @@ class Noise:
 
     def __post_init__(self) -> None:
         for entry in fields(self):
-            value = checks.number(f"noise {entry.name}", getattr(self, entry.name), low=0.0, high=MAX_NOISE)
+            value = checks.number(
+                f"noise {entry.name}", getattr(self, entry.name), low=0.0, high=MAX_NOISE
+            )
             checks.keep(self, **{entry.name: value})
 
     @classmethod
     def typical(cls, scale: float = 1.0) -> Noise:
-        """Noise as of encoders, an inertial unit and a state estimator of a small legged robot, times a scale.
+        """Noise as of encoders, an inertial unit and a state estimator of a small legged robot,
+        times a scale.
 
-        At scale 1: joints 0.5 mrad and 20 mrad/s; body 2 mm, 2 mrad, 10 mm/s and 5 mrad/s; foot forces 0.5 N.
+        At scale 1: joints 0.5 mrad and 20 mrad/s; body 2 mm, 2 mrad, 10 mm/s and 5 mrad/s; foot
+        forces 0.5 N.
 
         Args:
             scale: factor on all of them, 0 to a million.
@@ -92,14 +102,15 @@ class Noise:
 class Sensors(KeepsViews):
     """What a controller gets to know of the true state.
 
-    Positions and velocities of the feet follow from the measured configuration and velocity by forward kinematics,
-    so that they hold nothing that the other measurements do not say.
+    Positions and velocities of the feet follow from the measured configuration and velocity by
+    forward kinematics, so that they hold nothing that the other measurements do not say.
 
     Args:
         robot: gives the kinematics.
         noise: none by default.
-        delay: age of the measurements, in control ticks. Before there is a measurement so old, the oldest one is
-            given. The time ``State.t`` is never delayed: it is the controller's own clock, which the gait runs by.
+        delay: age of the measurements, in control ticks. Before there is a measurement so old, the
+            oldest one is given. The time ``State.t`` is never delayed: it is the controller's own
+            clock, which the gait runs by.
         seed: of the noise.
 
     Raises:
@@ -107,13 +118,22 @@ class Sensors(KeepsViews):
     """
 
     @checked
-    def __init__(self, robot: Robot, noise: Noise | None = None, *, delay: int = 0, seed: int = 0) -> None:
+    def __init__(
+        self, robot: Robot, noise: Noise | None = None, *, delay: int = 0, seed: int = 0
+    ) -> None:
         self.noise = n = Noise() if noise is None else checks.instance("noise", noise, Noise)
         self.delay = checks.whole("delay in ticks", delay, high=checks.MAX_TICKS)
         self.seed = checks.whole("seed", seed)
         self._dynamics = Dynamics(robot)
         joints, feet = len(robot.joints), len(robot.feet)
-        levels = (n.position, n.orientation, n.joint_position, n.velocity, n.angular_velocity, n.joint_velocity)
+        levels = (
+            n.position,
+            n.orientation,
+            n.joint_position,
+            n.velocity,
+            n.angular_velocity,
+            n.joint_velocity,
+        )
         self._deviation = np.repeat((*levels, n.foot_force), (3, 3, joints, 3, 3, joints, 3 * feet))
         self._history: deque[State] = deque(maxlen=self.delay + 1)
         self.reset()
@@ -131,7 +151,8 @@ class Sensors(KeepsViews):
             state: the true one, with one row for each foot of the robot.
 
         Returns:
-            What the controller gets: measured ``delay`` ticks ago, with the present time; it shares no memory with the
+            What the controller gets: measured ``delay`` ticks ago, with the present time; it shares
+                no memory with the
             true state.
 
         Raises:

@@ -111,7 +111,9 @@ class Simulator(Plant):
         for part in self.attached:
             part.after_step(self)
 
-    def compile_loop(self, controller: Any, recorder: Recorder, **rules: Any) -> CompiledLoop | None:
+    def compile_loop(
+        self, controller: Any, recorder: Recorder, **rules: Any
+    ) -> CompiledLoop | None:
         """See :meth:`harpy_pin.simulation.plant.Plant.compile_loop`."""
         own = vars(self).keys() & {"advance", "log"}  # with a clock around them
         if own or self.attached or type(self) is not Simulator or not hasattr(controller, "calls"):

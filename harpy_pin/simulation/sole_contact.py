@@ -1,12 +1,15 @@
-"""The implicit time step of flat feet: forces at their corners together with the motion of rigid soles.
+"""The implicit time step of flat feet: forces at their corners together with the motion of rigid
+soles.
 
-The law is that of :mod:`harpy_pin.ground.ground` at every corner, but corners move as their sole does. Many friction
-forces at its corners are then the same wrench. A creep decides between them: friction at rest is in proportion to a
-velocity of the order of :data:`CREEP`, and so to the load of a corner.
+The law is that of :mod:`harpy_pin.ground.ground` at every corner, but corners move as their sole
+does. Many friction forces at its corners are then the same wrench. A creep decides between them:
+friction at rest is in proportion to a velocity of the order of :data:`CREEP`, and so to the load of
+a corner.
 
-With the largest friction of each corner given, the forces fall with the velocity like the gradient of a convex
-function, and Newton's method with a search along its direction finds them. Loads and velocities found say the largest
-friction anew, until it stays. Forces and velocities of corners are in the frames of their contacts.
+With the largest friction of each corner given, the forces fall with the velocity like the gradient
+of a convex function, and Newton's method with a search along its direction finds them. Loads and
+velocities found say the largest friction anew, until it stays. Forces and velocities of corners are
+in the frames of their contacts.
 """
 
 from __future__ import annotations
@@ -29,22 +32,31 @@ CREEP = 1e-6  # velocity at which friction is 0.71 of the largest, m/s
 ENGAGING = 1e-5  # velocity over which the damper sets in at the surface, m/s
 SEARCHES = 30  # most lengths of a step that are tried
 CALM = 100
-"""Steps after which the largest friction changes by half of what is found only; by a quarter after twice as many."""
+"""Steps after which the largest friction changes by half of what is found only; by a quarter after
+twice as many.
+"""
 
 
 class SolesRecord(RecordOf):
-    """Soles in a :class:`~harpy_pin.simulation.step.StepRecord`; of point feet all arrays are empty.
+    """Soles in a :class:`~harpy_pin.simulation.step.StepRecord`; of point feet all arrays are
+    empty.
 
     A sole moves in six modes, its rigid motions, orthonormal over the velocities of its corners.
     """
 
-    mode: Vector = sized("corners", 3, 6)  # (corners, 3, 6) velocity of a corner in each of its sole's modes
+    mode: Vector = sized(
+        "corners", 3, 6
+    )  # (corners, 3, 6) velocity of a corner in each of its sole's modes
     motion: Vector = sized("6 soles")  # (6 soles,) velocities of the modes, m/s
     rest: Vector = sized("6 soles")  # (6 soles,) load less that of the corners' forces, N
     more_load: Vector = sized("6 soles")  # (6 soles,) direction of a step
     more_motion: Vector = sized("6 soles")
-    most: Vector = sized("corners", 3)  # (corners, 3) largest friction along x and y, N, and viscous friction, N·s/m
-    slope: Vector = sized("corners", 3, 3)  # (corners, 3, 3) fall of the force with the velocity, N·s/m
+    most: Vector = sized(
+        "corners", 3
+    )  # (corners, 3) largest friction along x and y, N, and viscous friction, N·s/m
+    slope: Vector = sized(
+        "corners", 3, 3
+    )  # (corners, 3, 3) fall of the force with the velocity, N·s/m
     gain: Vector = sized("6 soles", 6)  # (6 soles, 6) the same of each sole
     matrix: Vector = sized("6 soles", "6 soles + 1")  # (6 soles, 6 soles + 1) Newton's equations
 
@@ -115,12 +127,20 @@ def _update_forces(s: StepRecord, ground: GroundRecord, length: float) -> float:
     corners = o.mode.shape[0] * 6 // o.motion.shape[0]
     o.rest[:] = s.load + length * o.more_load
     for k in range(o.mode.shape[0]):
-        c, mode, slope, force = 6 * (k // corners), o.mode[k], o.slope[k], s.force[3 * k : 3 * k + 3]
+        c, mode, slope, force = (
+            6 * (k // corners),
+            o.mode[k],
+            o.slope[k],
+            s.force[3 * k : 3 * k + 3],
+        )
         u = mode @ (o.motion[c : c + 6] + length * o.more_motion[c : c + 6])
         x, z = u[:2], u[2]
         depth, normal, stiff = -(s.height[k] + dt * z), 0.0, 0.0
         if depth > 0.0:
-            stiffness, damping = ground.stiffness * s.friction[k, 2], ground.damping * np.sqrt(s.friction[k, 2])
+            stiffness, damping = (
+                ground.stiffness * s.friction[k, 2],
+                ground.damping * np.sqrt(s.friction[k, 2]),
+            )
             engaged = min(depth / (dt * ENGAGING), 1.0)
             normal, stiff = stiffness * depth, stiffness * dt
             if z < 0.0:
@@ -140,7 +160,8 @@ def _update_forces(s: StepRecord, ground: GroundRecord, length: float) -> float:
 
 @kernel
 def _update_most(s: StepRecord, ground: GroundRecord, share: float) -> float:
-    """The largest friction of each corner by its normal force and velocity; returns its largest change, N.
+    """The largest friction of each corner by its normal force and velocity; returns its largest
+    change, N.
 
     It goes the given share of the way there.
     """
@@ -160,7 +181,9 @@ def _update_most(s: StepRecord, ground: GroundRecord, share: float) -> float:
 
 @kernel
 def _solve_newton(o: SolesRecord, mobility: Vector) -> None:
-    """Direction of a step: (1 + gain mobility) more_load = −rest, by elimination with pivots in rows."""
+    """Direction of a step: (1 + gain mobility) more_load = −rest, by elimination with pivots in
+    rows.
+    """
     n, matrix = o.motion.shape[0], o.matrix
     corners = o.mode.shape[0] * 6 // n
     o.gain[:] = 0.0
@@ -188,7 +211,9 @@ def _solve_newton(o: SolesRecord, mobility: Vector) -> None:
 
 @kernel
 def _search(s: StepRecord, ground: GroundRecord) -> float:
-    """Length of the step: where the rate along its direction has at most half of its size at the beginning."""
+    """Length of the step: where the rate along its direction has at most half of its size at the
+    beginning.
+    """
     at_low, at_high = float(s.soles.rest @ s.soles.more_motion), 0.0
     length, low, high, enough = 1.0, 0.0, np.inf, 0.5 * abs(at_low)
     for _ in range(SEARCHES):
@@ -210,12 +235,15 @@ def _search(s: StepRecord, ground: GroundRecord) -> float:
 
 
 @kernel
-def sole_step(s: StepRecord, ground: GroundRecord, free: Vector, tolerance: float, most_steps: int) -> int:
+def sole_step(
+    s: StepRecord, ground: GroundRecord, free: Vector, tolerance: float, most_steps: int
+) -> int:
     """Forces at the corners of all soles at the end of a step, and the loads of their modes.
 
-    The forces of the last step are the first guess. ``free`` (6 soles,) are the velocities of the modes without contact
-    forces, m/s, the tolerance is of a load or of the largest friction, relative to 1 N + the largest force. Returns the
-    number of Newton's steps done; ``most_steps + 1`` if they did not converge.
+    The forces of the last step are the first guess. ``free`` (6 soles,) are the velocities of the
+    modes without contact forces, m/s, the tolerance is of a load or of the largest friction,
+    relative to 1 N + the largest force. Returns the number of Newton's steps done; ``most_steps +
+    1`` if they did not converge.
     """
     o, touching = s.soles, False
     corners = o.mode.shape[0] * 6 // free.shape[0]

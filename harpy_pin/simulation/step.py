@@ -1,14 +1,16 @@
-"""Physics steps of a robot in contact, implicit in the contact forces, and whether it stands after them.
+"""Physics steps of a robot in contact, implicit in the contact forces, and whether it stands after
+them.
 
-A step solves (M + dt B)(v⁺ − v) = dt (S τ + J_tᵀ u_t − n − B v + J_fᵀ f) together with the ground's equations for f at
-the end of the step (:func:`harpy_pin.simulation.contact_step`; of flat feet,
-:mod:`harpy_pin.simulation.sole_contact`). B is the joint damping. Coulomb friction in the joints, where there is any,
-is found with them (:mod:`harpy_pin.simulation.implicit_contact`). The velocity of a foot includes ½ dt J̇ v, so that a
-foot at rest stays where it is to third order in dt.
+A step solves (M + dt B)(v⁺ − v) = dt (S τ + J_tᵀ u_t − n − B v + J_fᵀ f) together with the ground's
+equations for f at the end of the step (:func:`harpy_pin.simulation.contact_step`; of flat feet,
+:mod:`harpy_pin.simulation.sole_contact`). B is the joint damping. Coulomb friction in the joints,
+where there is any, is found with them (:mod:`harpy_pin.simulation.implicit_contact`). The velocity
+of a foot includes ½ dt J̇ v, so that a foot at rest stays where it is to third order in dt.
 
-On ground that is not flat motion and force of every foot are in the frame of its contact. There the third axis is the
-normal, so that the equations hold unchanged: penetration and normal force along the normal, friction in the tangent
-plane. A foot feels the tangent plane below it at the beginning of the step.
+On ground that is not flat motion and force of every foot are in the frame of its contact. There the
+third axis is the normal, so that the equations hold unchanged: penetration and normal force along
+the normal, friction in the tangent plane. A foot feels the tangent plane below it at the beginning
+of the step.
 """
 
 from __future__ import annotations
@@ -33,13 +35,19 @@ from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
 from harpy_pin.model.terms import integrate, read_thrusts, update_terms
 from harpy_pin.simulation.actuators import Actuators, MotorsRecord, drive_motors, motors_record
-from harpy_pin.simulation.implicit_contact import JointFrictionRecord, contact_forces, step_with_friction
+from harpy_pin.simulation.implicit_contact import (
+    JointFrictionRecord,
+    contact_forces,
+    step_with_friction,
+)
 from harpy_pin.simulation.joint_ends import JointEndsRecord, hold_at_ends, joint_ends_record
 from harpy_pin.simulation.sole_contact import SolesRecord, sole_columns, turn_modes
 from harpy_pin.simulation.thrusters import ThrustersRecord, drive_thrusters, thrusters_record
 
 MIN_MOBILITY = 1e-9
-"""Least inverse mass of a foot in any direction, 1/kg: a planar model cannot move its feet sideways at all."""
+"""Least inverse mass of a foot in any direction, 1/kg: a planar model cannot move its feet sideways
+at all.
+"""
 MAX_SWEEPS = 500  # limit of the contact solver's iteration
 MISFIT_COMMAND = -1  # what :func:`physics_steps` returns for a command that it refuses
 Kind = TypeVar("Kind", bound="PlantRecord")
@@ -49,8 +57,11 @@ VERDICTS = ("completed", "fell", "diverged")  # how a run ends, by what :func:`s
 class PlantRecord(RecordOf):
     """What every plant keeps of contact and actuators."""
 
-    force: Vector = sized("3 feet")  # (3 feet,) contact forces, world axes, N: guess in, forces of the step out
-    # (3,) most sweeps of the contact solver in a step so far, steps in which they ran out, and commands of one tick to
+    force: Vector = sized(
+        "3 feet"
+    )  # (3 feet,) contact forces, world axes, N: guess in, forces of the step out
+    # (3,) most sweeps of the contact solver in a step so far, steps in which they ran out, and
+    # commands of one tick to
     # a rotor that it could not carry out as given
     counts: NDArray[np.int64] = sized(3, whole=True)
     slip: SlipRecord  # paths of the feet on the ground
@@ -66,15 +77,21 @@ class StepRecord(PlantRecord):
 
     dt: float  # step, s
     displacement: Vector = sized("nv")  # (nv,) out: dt v⁺
-    # (contacts, contacts) change of foot velocity, or of a sole's modes, per newton over the step, m/s/N
+    # (contacts, contacts) change of foot velocity, or of a sole's modes, per newton over the step,
+    # m/s/N
     mobility: Vector = sized("contacts", "contacts")
     free: Vector = sized("contacts")  # (contacts,) these velocities without contact forces, m/s
-    load: Vector = sized("contacts")  # (contacts,) out: forces on the columns, N; of point feet the contact forces
+    load: Vector = sized(
+        "contacts"
+    )  # (contacts,) out: forces on the columns, N; of point feet the contact forces
     height: Vector = sized("feet")  # (feet,) of the feet at the start of the step, m
-    # (feet, 3) static and sliding coefficient under them, then, and stiffness relative to the ground's
+    # (feet, 3) static and sliding coefficient under them, then, and stiffness relative to the
+    # ground's
     friction: Vector = sized("feet", 3)
     factor: Vector = sized("nv", "nv")  # (nv, nv) L of M + dt B = Lᵀ L
-    columns: Vector = sized("nv", "contacts + 1")  # (nv, contacts + 1) L⁻ᵀ [J_fᵀ, dt (generalised force)]
+    columns: Vector = sized(
+        "nv", "contacts + 1"
+    )  # (nv, contacts + 1) L⁻ᵀ [J_fᵀ, dt (generalised force)]
     joints: JointFrictionRecord  # Coulomb friction of the joints
     soles: SolesRecord  # empty for point feet
     ends: JointEndsRecord  # of the joints
@@ -88,7 +105,8 @@ def plant_record(
     motors: Mapping[str, Any],
     **own: ArrayLike,
 ) -> Records[Kind]:
-    """A new record of a plant, with the sizes that a robot has and its motors, see :func:`motors_record`.
+    """A new record of a plant, with the sizes that a robot has and its motors, see
+    :func:`motors_record`.
 
     A step is in s; ``own`` are the fields that a :class:`PlantRecord` does not have.
     """
@@ -112,24 +130,36 @@ def step_record(
     friction: Vector | None = None,
     robot: Robot | None = None,
 ) -> Records[StepRecord]:
-    """A new :class:`StepRecord`, see :func:`plant_record`; by default of a model without motors and thrusters.
+    """A new :class:`StepRecord`, see :func:`plant_record`; by default of a model without motors and
+    thrusters.
 
-    ``friction`` (joints,) is the Coulomb friction of each joint, N·m. The joints of ``robot`` have ends.
+    ``friction`` (joints,) is the Coulomb friction of each joint, N·m. The joints of ``robot`` have
+    ends.
     """
     sizes = {"thrusts": 0, "thrusters": 0, "soles": 0, **sizes}
     actuators, flat = Actuators() if actuators is None else actuators, sizes["soles"] > 0
-    sizes |= {"contacts": 6 * sizes["soles"] if flat else 3 * sizes["feet"], "corners": sizes["feet"] if flat else 0}
+    sizes |= {
+        "contacts": 6 * sizes["soles"] if flat else 3 * sizes["feet"],
+        "corners": sizes["feet"] if flat else 0,
+    }
     limit = friction if friction is not None and friction.any() else np.zeros(0)
     joints = make_record(JointFrictionRecord, {**sizes, "joints": len(limit)}, limit=limit)
     motors = {"peak": np.zeros(0)} if motors is None else motors
     soles = make_record(SolesRecord, sizes)
     ends = joint_ends_record(robot, dt)
-    return plant_record(StepRecord, sizes, actuators, dt, motors, dt=dt, joints=joints, soles=soles, ends=ends)
+    return plant_record(
+        StepRecord, sizes, actuators, dt, motors, dt=dt, joints=joints, soles=soles, ends=ends
+    )
 
 
 @kernel
 def implicit_step(
-    d: EquationsRecord, ground: GroundRecord, s: StepRecord, v: Vector, torque: Vector, thrust: Vector
+    d: EquationsRecord,
+    ground: GroundRecord,
+    s: StepRecord,
+    v: Vector,
+    torque: Vector,
+    thrust: Vector,
 ) -> int:
     """Contact forces, velocity v at the end of the step and displacement dt v⁺.
 
@@ -155,7 +185,9 @@ def implicit_step(
     flat = ground.terrain.level
     if not flat:
         into_contact_frames(d, ground.terrain, s)
-    if s.soles.motion.shape[0] > 0:  # known when compiling: of point feet and of soles there is one kernel each
+    if (
+        s.soles.motion.shape[0] > 0
+    ):  # known when compiling: of point feet and of soles there is one kernel each
         sole_columns(d, s, v)
         if not flat:
             turn_modes(s.frame, s.soles.mode)
@@ -181,7 +213,9 @@ def implicit_step(
             s.height[k] = d.foot_position[k, 2]
         s.friction[k, 0], s.friction[k, 1] = local_friction(d.foot_position[k, 0], ground)
         s.friction[k, 2] = local_stiffness(d.foot_position[k, 0], ground)
-    if s.joints.limit.shape[0] > 0:  # known when compiling: without friction the other kernel is not there
+    if (
+        s.joints.limit.shape[0] > 0
+    ):  # known when compiling: without friction the other kernel is not there
         sweeps = step_with_friction(s, ground, v, 1e-10, MAX_SWEEPS)
     else:
         sweeps = contact_forces(s, ground, free, 1e-10, MAX_SWEEPS)
@@ -208,7 +242,9 @@ def into_contact_frames(d: EquationsRecord, t: TerrainRecord, s: StepRecord) -> 
 
 @kernel
 def point_columns(d: EquationsRecord, s: StepRecord, v: Vector, flat: bool) -> None:
-    """Columns of the feet's Jacobian, and their velocities before any force, in the contact frames."""
+    """Columns of the feet's Jacobian, and their velocities before any force, in the contact
+    frames.
+    """
     for k in range(s.height.shape[0]):
         x, jacobian = 3 * k, d.foot_jacobian[3 * k : 3 * k + 3]
         s.free[x : x + 3] = 0.5 * s.dt * d.foot_drift[x : x + 3] + jacobian @ v
@@ -229,11 +265,12 @@ def physics_steps(
     thrust: Vector,
     push: Vector,
 ) -> int:
-    """A physics step for each row of ``push``, the force on the body's origin; the command stays meanwhile.
+    """A physics step for each row of ``push``, the force on the body's origin; the command stays
+    meanwhile.
 
     Returns:
-        Sweeps of the last contact problem; ``MISFIT_COMMAND``, with nothing done, for a command of the wrong size or
-        one whose numbers are not finite.
+        Sweeps of the last contact problem; ``MISFIT_COMMAND``, with nothing done, for a command of
+        the wrong size or one whose numbers are not finite.
     """
     thrusters = d.body.shape[0] - d.foot_position.shape[0]
     if torque.shape[0] != v.shape[0] - 6 or thrust.shape[0] != thrusters or thrust.shape[1] != 3:
@@ -264,7 +301,9 @@ def stands(terrain: TerrainRecord, q: Vector, v: Vector, fall_height: float) -> 
 
 @kernel
 def upright(q: Vector, v: Vector, fall_height: float) -> int:
-    """0 for a body that stands, 1 for one that fell, 2 for one whose velocity is not finite or beyond reason."""
+    """0 for a body that stands, 1 for one that fell, 2 for one whose velocity is not finite or
+    beyond reason.
+    """
     if not np.sum(np.abs(v)) <= 1e4:
         return 2
     return 1 if q[2] < fall_height or 1.0 - 2.0 * (q[3] * q[3] + q[4] * q[4]) < 0.5 else 0

@@ -34,8 +34,12 @@ class SteppedPlant(Plant):
         forces = self._forces = np.zeros((len(self.robot.thrusters), 3))
         thrust, torque = self._record_["thrust"][0], np.zeros(len(self.robot.joints))
         read_thrusts.prepare(self.dynamics._record_, forces, thrust)
-        drive_actuators.prepare(self.dynamics._record_, self._record_, torque, self.q, self.v, self.dt, forces)
-        note_step.prepare(self._record_, self._terrain, self.dynamics.foot_position, self.v, self.dt)
+        drive_actuators.prepare(
+            self.dynamics._record_, self._record_, torque, self.q, self.v, self.dt, forces
+        )
+        note_step.prepare(
+            self._record_, self._terrain, self.dynamics.foot_position, self.v, self.dt
+        )
         super()._prepare()
 
     def advance(self, command: Command, pushes: Sequence[Push] = (), *, steps: int = 1) -> None:
@@ -44,7 +48,9 @@ class SteppedPlant(Plant):
         steps = checks.whole("steps", steps, high=checks.MAX_TICKS)
         command = self.checked(command)
         self._take_law(command)
-        self._counts_[2] += read_thrusts(self.dynamics._record_, command._thrust_, self._record_["thrust"][0])
+        self._counts_[2] += read_thrusts(
+            self.dynamics._record_, command._thrust_, self._record_["thrust"][0]
+        )
         push = push_forces(pushes, self.t, self.dt, steps) if pushes else None
         for n in range(steps):
             if not self._step(command._torque_, None if push is None else push[n]):
@@ -61,7 +67,9 @@ class SteppedPlant(Plant):
 
     def _drive(self, torque: Vector) -> None:
         """Torques of a step, and thrusts ``_forces`` (thrusters, 3), world axes, N."""
-        drive_actuators(self.dynamics._record_, self._record_, torque, self._q_, self._v_, self.dt, self._forces)
+        drive_actuators(
+            self.dynamics._record_, self._record_, torque, self._q_, self._v_, self.dt, self._forces
+        )
 
     def _note(self, position: Vector) -> bool:
         """Note the slip of feet, now at (feet, 3), m; whether all speeds are within reason."""
@@ -73,7 +81,13 @@ class SteppedPlant(Plant):
 
 @kernel
 def drive_actuators(
-    d: DynamicsRecord, s: PlantRecord, torque: Vector, q: Vector, v: Vector, dt: float, forces: Vector
+    d: DynamicsRecord,
+    s: PlantRecord,
+    torque: Vector,
+    q: Vector,
+    v: Vector,
+    dt: float,
+    forces: Vector,
 ) -> None:
     """Torques and thrusts of a step under a constant command.
 
@@ -85,14 +99,18 @@ def drive_actuators(
 
 
 @kernel
-def note_step(s: PlantRecord, terrain: TerrainRecord, position: Vector, v: Vector, dt: float) -> bool:
+def note_step(
+    s: PlantRecord, terrain: TerrainRecord, position: Vector, v: Vector, dt: float
+) -> bool:
     """Take slip into account; returns whether the speeds are finite and within reason."""
     note_slip(s.slip, terrain.level, s.frame, position, s.force, dt)
     return float(np.sum(np.abs(v))) < RUNAWAY
 
 
 @kernel
-def tangent_planes(s: PlantRecord, terrain: TerrainRecord, position: Vector, below: float, out: Vector) -> None:
+def tangent_planes(
+    s: PlantRecord, terrain: TerrainRecord, position: Vector, below: float, out: Vector
+) -> None:
     """Frames of the contacts, into ``s``, and the ground's tangent planes at the feet.
 
     The planes lie ``below`` the ground, m; positions (feet, 3) of the feet in m.

@@ -1,8 +1,9 @@
-"""Thrusters of the true robot that are not what the controllers believe: slow to follow, idling, saturated, turning.
+"""Thrusters of the true robot that are not what the controllers believe: slow to follow, idling,
+saturated, turning.
 
-The magnitude of a thrust follows its goal, which is the command within its limits, by a lag of first order.
-Its direction turns towards that of the command along the great circle, in axes of the body. A rotor has a fixed
-direction, so only its thrust lags.
+The magnitude of a thrust follows its goal, which is the command within its limits, by a lag of
+first order. Its direction turns towards that of the command along the great circle, in axes of the
+body. A rotor has a fixed direction, so only its thrust lags.
 """
 
 from __future__ import annotations
@@ -33,13 +34,13 @@ class Thrusters:
     Attributes:
         lag: time constant of the magnitude, s. 0: the thrust is there at once.
         rate: fastest change of the goal that the thrust follows, N/s; None: any.
-        least: thrust that never stops, N, in the last direction where the command has none. Rotors have limits of
-            their own.
+        least: thrust that never stops, N, in the last direction where the command has none. Rotors
+            have limits of their own.
         largest: N; None: any.
-        turning_lag: time constant of the angle between the thrust's and the command's direction, s. 0: the thrust has
-            the command's direction.
-        failing: (index of a thruster, time since the reset in s, share of its thrust that is left from then on); None:
-            none fails.
+        turning_lag: time constant of the angle between the thrust's and the command's direction, s.
+            0: the thrust has the command's direction.
+        failing: (index of a thruster, time since the reset in s, share of its thrust that is left
+            from then on); None: none fails.
 
     Raises:
         InputError: a value out of its domain.
@@ -54,12 +55,23 @@ class Thrusters:
 
     def __post_init__(self) -> None:
         for name, high in (("lag", MAX_LAG), ("least", MAX_THRUST), ("turning_lag", MAX_LAG)):
-            checks.keep(self, **{name: checks.number(f"thrusters' {name}", getattr(self, name), low=0.0, high=high)})
+            checks.keep(
+                self,
+                **{
+                    name: checks.number(
+                        f"thrusters' {name}", getattr(self, name), low=0.0, high=high
+                    )
+                },
+            )
         if self.rate is not None:
-            rate = checks.number("thrusters' rate", self.rate, low=0.0, high=MAX_THRUST, strict=True)
+            rate = checks.number(
+                "thrusters' rate", self.rate, low=0.0, high=MAX_THRUST, strict=True
+            )
             checks.keep(self, rate=rate)
         if self.largest is not None:
-            largest = checks.number("thrusters' largest", self.largest, low=self.least, high=MAX_THRUST)
+            largest = checks.number(
+                "thrusters' largest", self.largest, low=self.least, high=MAX_THRUST
+            )
             checks.keep(self, largest=largest)
         if self.failing is not None:
             checks.keep(self, failing=_read_failing(self.failing))
@@ -69,10 +81,11 @@ class Thrusters:
         return self != Thrusters()
 
     def _response(self, dt: float) -> tuple[Vector, Vector]:
-        """How a magnitude follows a constant goal over a step dt, s; a lag of second order has another.
+        """How a magnitude follows a constant goal over a step dt, s; a lag of second order has
+        another.
 
-        Returns the transition (2, 2) of [distance to the goal; rate of change], and the mean distance to the goal (2,)
-        by those at the beginning.
+        Returns the transition (2, 2) of [distance to the goal; rate of change], and the mean
+        distance to the goal (2,) by those at the beginning.
         """
         transition, mean = np.zeros((2, 2)), np.zeros(2)
         if self.lag > 0.0:
@@ -82,7 +95,9 @@ class Thrusters:
 
 
 def _read_failing(value: Any) -> tuple[int, float, float]:
-    """Index, time and share of what fails; an :class:`InputError` where these are not three values in their domains."""
+    """Index, time and share of what fails; an :class:`InputError` where these are not three values
+    in their domains.
+    """
     try:
         index, time, share = value
     except (TypeError, ValueError):
@@ -115,8 +130,12 @@ class ThrustersRecord(RecordOf):
     settled: int = ZERO  # 0 before the first command
 
 
-def thrusters_record(thrusters: Thrusters, *, count: int, variables: int, dt: float) -> Records[ThrustersRecord]:
-    """The thrusters, for kernels: ``count`` thrusters and rotors with so many thrust variables, at steps of dt, s."""
+def thrusters_record(
+    thrusters: Thrusters, *, count: int, variables: int, dt: float
+) -> Records[ThrustersRecord]:
+    """The thrusters, for kernels: ``count`` thrusters and rotors with so many thrust variables, at
+    steps of dt, s.
+    """
     p = thrusters
     transition, mean = p._response(dt)
     record = make_record(
@@ -145,12 +164,16 @@ def settle_thrusters(record: Record, thrusters: Thrusters, dt: float) -> None:
     """Make the record of thrusters as at the start: thrusts settle at the next command."""
     record["settled"] = 0
     record["available"] = 1.0
-    record["remaining_steps"] = math.inf if thrusters.failing is None else round(thrusters.failing[1] / dt)
+    record["remaining_steps"] = (
+        math.inf if thrusters.failing is None else round(thrusters.failing[1] / dt)
+    )
 
 
 @kernel
 def drive_thrusters(m: ThrustersRecord, rotation: Vector, command: Vector) -> None:
-    """Thrusts of a step under constant thrust variables, N, into ``mean_thrust``; rotation: body to world axes."""
+    """Thrusts of a step under constant thrust variables, N, into ``mean_thrust``; rotation: body to
+    world axes.
+    """
     if m.ideal:
         m.mean_thrust[:] = command
         return
@@ -190,8 +213,12 @@ def _follow(m: ThrustersRecord, k: int, goal: float) -> float:
 
 
 @kernel
-def turn(direction: Vector, rotation: Vector, command: Vector, size: float, remaining: float) -> None:
-    """Turn a direction (3,) of body axes towards that of a command in world axes, by a share of their angle."""
+def turn(
+    direction: Vector, rotation: Vector, command: Vector, size: float, remaining: float
+) -> None:
+    """Turn a direction (3,) of body axes towards that of a command in world axes, by a share of
+    their angle.
+    """
     goal = rotation[:, :3].T @ command / size
     cosine = min(max(float(goal @ direction), -1.0), 1.0)
     angle = np.arccos(cosine)

@@ -1,8 +1,10 @@
-"""Many ticks of a closed loop in one call of C (ticks.c), where Python has nothing to say between them.
+"""Many ticks of a closed loop in one call of C (ticks.c), where Python has nothing to say between
+them.
 
-A controller says which kernels a tick of it consists of (its ``calls``, those of its gait included), and has its
-signals in arrays that stay where they are. C calls these kernels, and the plant's, by their addresses.
-They are those that Python calls one by one, so every number of the log is the one that the loop in Python gives.
+A controller says which kernels a tick of it consists of (its ``calls``, those of its gait
+included), and has its signals in arrays that stay where they are. C calls these kernels, and the
+plant's, by their addresses. They are those that Python calls one by one, so every number of the log
+is the one that the loop in Python gives.
 """
 
 from __future__ import annotations
@@ -28,7 +30,9 @@ if TYPE_CHECKING:
 KINDS = {np.dtype(np.float64): 0, np.dtype(np.int64): 1, np.dtype(np.bool_): 2}
 """Elements of signals, as in ticks.c."""
 HANDED_OVER = -1
-"""Ending of a piece whose next tick is Python's: the gait or the controller does not answer as usual."""
+"""Ending of a piece whose next tick is Python's: the gait or the controller does not answer as
+usual.
+"""
 
 
 class _Signal(ctypes.Structure):
@@ -52,10 +56,11 @@ class _Loop(ctypes.Structure):
 class CompiledLoop:
     """A controller and a simulator of the library's own in a loop of C.
 
-    A tick makes the ``calls`` of the controller, those of its gait included, then those before a row is logged. It
-    writes the ``command`` (torque, thrust), and all signals are arrays, by name, that stay where they are; the recorder
-    has its first row of them. ``start`` is the time of the first tick, and ``period`` the time between ticks, s, with
-    so many physics steps in each; below ``fall_height``, m, the body has fallen.
+    A tick makes the ``calls`` of the controller, those of its gait included, then those before a
+    row is logged. It writes the ``command`` (torque, thrust), and all signals are arrays, by name,
+    that stay where they are; the recorder has its first row of them. ``start`` is the time of the
+    first tick, and ``period`` the time between ticks, s, with so many physics steps in each; below
+    ``fall_height``, m, the body has fallen.
     """
 
     def __init__(
@@ -103,16 +108,23 @@ class CompiledLoop:
     def run(self, tick: int, ticks: int, pushes: Sequence[Push]) -> tuple[int, int]:
         """From the next tick on, of all ticks of the run, until the piece of the log is full.
 
-        Returns how many were done, and how it stands: 0, 1 and 2 as :func:`~harpy_pin.simulation.step.stands` says, or
-        ``HANDED_OVER``.
+        Returns how many were done, and how it stands: 0, 1 and 2 as
+        :func:`~harpy_pin.simulation.step.stands` says, or ``HANDED_OVER``.
         """
-        simulator, recorder, substeps, loop = self._simulator, self._recorder, self._substeps, self._loop
+        simulator, recorder, substeps, loop = (
+            self._simulator,
+            self._recorder,
+            self._substeps,
+            self._loop,
+        )
         count = min(ticks - tick, recorder.room)
         rows = np.empty((count, recorder.layout.width))
         forces = np.zeros((count, substeps, 3)) if pushes else None
         if forces is not None:
             for n in range(count):
-                forces[n] = push_forces(pushes, loop.start + (tick + n) * loop.period, simulator.dt, substeps)
+                forces[n] = push_forces(
+                    pushes, loop.start + (tick + n) * loop.period, simulator.dt, substeps
+                )
         given = None if forces is None else forces.ctypes.data
         done: int = _run_ticks()(ctypes.byref(loop), tick, count, given, rows.ctypes.data)
         simulator.sweeps = loop.sweeps
@@ -122,8 +134,12 @@ class CompiledLoop:
         return done, loop.ending
 
 
-def lasting_signals(signals: Mapping[str, Any], again: Mapping[str, Any], recorder: Recorder) -> bool:
-    """Whether signals, asked for twice, are arrays that stay where they are, and those of a log with its first row."""
+def lasting_signals(
+    signals: Mapping[str, Any], again: Mapping[str, Any], recorder: Recorder
+) -> bool:
+    """Whether signals, asked for twice, are arrays that stay where they are, and those of a log
+    with its first row.
+    """
     layout = recorder.layout
     return signals.keys() == layout.shapes.keys() and all(
         isinstance(array, np.ndarray)
@@ -141,4 +157,6 @@ def _run_ticks() -> Any:
     """``run_ticks`` of ticks.c; other threads of Python may go on meanwhile."""
     library = calling_library(Path(__file__).with_suffix(".c"))
     pointer, whole = ctypes.c_void_p, ctypes.c_int64
-    return ctypes.CFUNCTYPE(whole, ctypes.POINTER(_Loop), whole, whole, pointer, pointer)(("run_ticks", library))
+    return ctypes.CFUNCTYPE(whole, ctypes.POINTER(_Loop), whole, whole, pointer, pointer)(
+        ("run_ticks", library)
+    )

@@ -5,4 +5,13 @@ from .identity import robot_of
 from .page.replay import InlineReplay, ReplayServer, replay_html, show, write_html
 from .viewer.viewer import Viewer
 
-__all__ = ["InlineReplay", "ReplayServer", "Viewer", "figures_of", "replay_html", "robot_of", "show", "write_html"]
+__all__ = [
+    "InlineReplay",
+    "ReplayServer",
+    "Viewer",
+    "figures_of",
+    "replay_html",
+    "robot_of",
+    "show",
+    "write_html",
+]

@@ -1,6 +1,7 @@
 """Figures: the charts of a run for print, and the style of all figures.
 
-They are plain ``matplotlib.figure.Figure`` objects, tied to no window: save them with ``figure.savefig("feet.pdf")``.
+They are plain ``matplotlib.figure.Figure`` objects, tied to no window: save them with
+``figure.savefig("feet.pdf")``.
 """
 
 from __future__ import annotations
@@ -54,7 +55,9 @@ def styled(draw: Callable[P, Drawn]) -> Callable[P, Drawn]:
         try:
             import matplotlib
         except ImportError as error:
-            raise HarpyError(f"figures need Matplotlib ({error}): {install_line('view')}") from error
+            raise HarpyError(
+                f"figures need Matplotlib ({error}): {install_line('view')}"
+            ) from error
         with matplotlib.rc_context(STYLE):  # type: ignore[arg-type]
             return draw(*args, **kwargs)
 
@@ -89,7 +92,8 @@ def legend_above(panel: Axes) -> None:
 @styled
 @checked
 def figures_of(run: Run, robot: Robot | None = None) -> dict[str, Figure]:
-    """The charts of a run's replay as figures, by group: ``feet``, ``body``, ``effort`` and, if logged, ``command``.
+    """The charts of a run's replay as figures, by group: ``feet``, ``body``, ``effort`` and, if
+    logged, ``command``.
 
     Args:
         run: the log.
@@ -113,12 +117,23 @@ def _draw(charts: list[Chart]) -> Figure:
         for line in chart.lines:
             if line.filled:
                 values = np.nan_to_num(line.values)
-                panel.fill_between(line.time, values, color=line.colour, alpha=0.35, linewidth=0.0, label=line.label)
+                panel.fill_between(
+                    line.time,
+                    values,
+                    color=line.colour,
+                    alpha=0.35,
+                    linewidth=0.0,
+                    label=line.label,
+                )
             else:
                 style = "--" if line.dashed else "-"
-                panel.plot(line.time, line.values, color=line.colour, linestyle=style, label=line.label)
+                panel.plot(
+                    line.time, line.values, color=line.colour, linestyle=style, label=line.label
+                )
         if chart.level is not None:
-            panel.axhline(chart.level[0], color="#444444", linestyle=":", linewidth=0.9, label=chart.level[1])
+            panel.axhline(
+                chart.level[0], color="#444444", linestyle=":", linewidth=0.9, label=chart.level[1]
+            )
         panel.set_ylim(chart.low, chart.high)
         panel.set_title(chart.title, loc="right")
         panel.set_ylabel(chart.unit)

@@ -35,8 +35,9 @@ CONTROLLERS = {
 def robot_of(run: Run, urdf: str | Path | None = None) -> Robot:
     """Load the robot that a run was logged with.
 
-    The log holds the names of robot, feet and thrusters. A robot of the library is found by them: Harpy, the variant of
-    Harpy that the run's scenario names, or a robot of the catalogue. Of other robots it holds the file.
+    The log holds the names of robot, feet and thrusters. A robot of the library is found by them:
+    Harpy, the variant of Harpy that the run's scenario names, or a robot of the catalogue. Of other
+    robots it holds the file.
 
     Args:
         run: the log.
@@ -63,7 +64,10 @@ def robot_of(run: Run, urdf: str | Path | None = None) -> Robot:
         return read_robot(source if urdf is None else {**source, "file": str(urdf)})
     if urdf is not None:
         return load_robot(Path(urdf), feet=feet, thrusters=thrusters or ())
-    message = f"the log is of a robot {shown(name)} with the feet {shown(feet, 200)}, which is not known by name"
+    message = (
+        f"the log is of a robot {shown(name)} with the feet {shown(feet, 200)}, which is not "
+        f"known by name"
+    )
     raise InputError(f"{message}: give its URDF, as urdf or --robot FILE", name="urdf")
 
 
@@ -85,7 +89,8 @@ def _solver_of(part: dict[str, Any]) -> str:
 
 
 def name_of(run: Run) -> str:
-    """What walks, in words: from the scenario where there is one, else the name of the controller's class.
+    """What walks, in words: from the scenario where there is one, else the name of the controller's
+    class.
 
     The whole-body QP is named with its solver.
     """

@@ -1,4 +1,6 @@
-"""Colours of the scene and the figures: the Okabe–Ito palette, distinct for colour-blind readers and in print."""
+"""Colours of the scene and the figures: the Okabe–Ito palette, distinct for colour-blind readers
+and in print.
+"""
 
 from __future__ import annotations
 
@@ -42,6 +44,8 @@ def as_hex(shares: Iterable[float]) -> str:
 
 
 def ground_colour(mu: float) -> str:
-    """Colour of ground with a friction coefficient: the more slippery, the bluer; pale sand from 0.8 on."""
+    """Colour of ground with a friction coefficient: the more slippery, the bluer; pale sand from
+    0.8 on.
+    """
     share = min(max(mu / _GRIPPING, 0.0), 1.0)
     return as_hex((a + share * (b - a)) / 255 for a, b in zip(_ICE, _GRIP, strict=True))

@@ -6,7 +6,14 @@ from harpy_pin.wbc.program import QPSolution, QPSolver, QPStatus, QuadraticProgr
 from harpy_pin.wbc.solvers import SOLVERS, installed_solvers, make_solver
 from harpy_pin.wbc.tasks.added import AddedTask, AddedTasks
 from harpy_pin.wbc.tasks.built_in import BuiltInTask, built_in_tasks
-from harpy_pin.wbc.tasks.task import CentreOfMassTask, FootForceTask, FrameTask, JointTask, MomentumTask, Task
+from harpy_pin.wbc.tasks.task import (
+    CentreOfMassTask,
+    FootForceTask,
+    FrameTask,
+    JointTask,
+    MomentumTask,
+    Task,
+)
 from harpy_pin.wbc.tree import WholeBodySolution, WholeBodySolver, WholeBodyStatus
 from harpy_pin.wbc.weights import WholeBodyLimits, WholeBodyTargets, WholeBodyWeights
 

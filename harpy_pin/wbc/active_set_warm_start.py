@@ -1,10 +1,12 @@
-"""The solvers of this library: the dual active-set method, and the warm start from the last active set.
+"""The solvers of this library: the dual active-set method, and the warm start from the last active
+set.
 
-The kernels of both searches are in :mod:`harpy_pin.wbc.condensed.active_set`. Where the exchange of the last active set
-takes too long, the dual method follows. Both have a bound on their iterations. Where the dual method fails, too, there
-is no solution, and a controller holds its last command.
+The kernels of both searches are in :mod:`harpy_pin.wbc.condensed.active_set`. Where the exchange of
+the last active set takes too long, the dual method follows. Both have a bound on their iterations.
+Where the dual method fails, too, there is no solution, and a controller holds its last command.
 
-A tick may need up to three solves. For programs of more than some fifty unknowns they share one bound, ``WORK``.
+A tick may need up to three solves. For programs of more than some fifty unknowns they share one
+bound, ``WORK``.
 """
 
 from __future__ import annotations
@@ -29,11 +31,20 @@ from harpy_pin.wbc.condensed.active_set import (
     dual_active_set,
     exchange,
 )
-from harpy_pin.wbc.program import ACCEPTED, QPSolution, QPSolver, QPStatus, QuadraticProgram, worst_violation
+from harpy_pin.wbc.program import (
+    ACCEPTED,
+    QPSolution,
+    QPSolver,
+    QPStatus,
+    QuadraticProgram,
+    worst_violation,
+)
 
 SOLVED, INACCURATE, MAX_ITERATIONS, INFEASIBLE = (int(status) for status in QPStatus)
 WORK = 450 * 59**2
-"""Bound of all solves of a tick: exchanges of the dual method times the square of the unknowns. It is 0.7 ms."""
+"""Bound of all solves of a tick: exchanges of the dual method times the square of the unknowns. It
+is 0.7 ms.
+"""
 SYSTEM = 4
 """Exchanges of the dual method that count as one system."""
 SPARING = 1000
@@ -42,7 +53,11 @@ EXCHANGES_PER_ROW = 4
 """Bound on the constraints added and dropped, for each constraint of the program."""
 MAX_EXCHANGES = 300
 """Bound for large programs: twice the most that walks of G1 need."""
-_STATUS = {FOUND: QPStatus.SOLVED, EXHAUSTED: QPStatus.MAX_ITERATIONS, CONTRADICTORY: QPStatus.INFEASIBLE}
+_STATUS = {
+    FOUND: QPStatus.SOLVED,
+    EXHAUSTED: QPStatus.MAX_ITERATIONS,
+    CONTRADICTORY: QPStatus.INFEASIBLE,
+}
 
 
 @fixed_arrays("active", "record")
@@ -50,7 +65,8 @@ class DualActiveSet(QPSolver):
     """Cold at every tick, and needs no package.
 
     Attributes:
-        active: (rows,) of the last solve: −1 for an inequality at its lower bound, 1 at its upper bound, else 0.
+        active: (rows,) of the last solve: −1 for an inequality at its lower bound, 1 at its upper
+            bound, else 0.
         limit: exchanges after which a solve gives up.
     """
 
@@ -70,13 +86,16 @@ class DualActiveSet(QPSolver):
         dual_active_set.prepare(program._record_, self._record_, self.solution.z)
 
     def _solve(self, program: QuadraticProgram) -> QPStatus:
-        outcome, self.solution.iterations = dual_active_set(program._record_, self._record_, self.solution.z)
+        outcome, self.solution.iterations = dual_active_set(
+            program._record_, self._record_, self.solution.z
+        )
         return _STATUS[outcome]
 
 
 @fixed_arrays("record")
 class WarmStartedActiveSet(QPSolver):
-    """Our own search: the last active set and its exchange, then the dual method. It needs no package.
+    """Our own search: the last active set and its exchange, then the dual method. It needs no
+    package.
 
     Args:
         program: gives the sizes.
@@ -99,7 +118,10 @@ class WarmStartedActiveSet(QPSolver):
             most=np.int64(self.dual.limit),
         )
         self._active = field(self._record_, "active")
-        self._iterations, self._violation = field(self._record_, "iterations"), field(self._record_, "violation")
+        self._iterations, self._violation = (
+            field(self._record_, "iterations"),
+            field(self._record_, "violation"),
+        )
 
     @property
     def searched(self) -> int:
@@ -111,7 +133,11 @@ class WarmStartedActiveSet(QPSolver):
         self._refuse_other(program)
         start_tick.prepare(self._record_)
         solve_further.prepare(
-            program._record_, self._record_, self.dual._record_, self.solution._z_, self.dual.solution._z_
+            program._record_,
+            self._record_,
+            self.dual._record_,
+            self.solution._z_,
+            self.dual.solution._z_,
         )
 
     def reset(self) -> None:
@@ -134,7 +160,9 @@ class WarmStartedActiveSet(QPSolver):
         """Solve one more program of the same tick: both share one bound."""
         self._refuse_other(program)
         solution, record = self.solution, self._record_
-        status = solve_further(program._record_, record, self.dual._record_, solution._z_, self.dual.solution._z_)
+        status = solve_further(
+            program._record_, record, self.dual._record_, solution._z_, self.dual.solution._z_
+        )
         solution.status, solution.iterations = QPStatus(status), int(self._iterations)
         solution.violation = float(self._violation)
         return solution
@@ -151,14 +179,18 @@ def start_tick(w: ActiveSetRecord) -> None:
 
 
 @kernel
-def solve_further(qp: ProgramRecord, w: ActiveSetRecord, dual: DualRecord, z: Vector, found: Vector) -> int:
+def solve_further(
+    qp: ProgramRecord, w: ActiveSetRecord, dual: DualRecord, z: Vector, found: Vector
+) -> int:
     """One more program of a tick, by the last active set and its exchange, then by the dual method.
 
-    ``w`` has the last active set, and bounds and account of the tick; z is the solution, out, and ``found`` work space
-    for that of the dual method. Returns a :class:`QPStatus`.
+    ``w`` has the last active set, and bounds and account of the tick; z is the solution, out, and
+    ``found`` work space for that of the dual method. Returns a :class:`QPStatus`.
     """
     w.iterations = 0
-    if w.left >= min(w.budget, SPARING):  # else a search was needed before, so the last active set will not do
+    if w.left >= min(
+        w.budget, SPARING
+    ):  # else a search was needed before, so the last active set will not do
         w.iterations, w.violation = exchange(qp, w, z, EXCHANGES)
         w.systems += w.iterations
         if w.iterations <= EXCHANGES:
@@ -167,7 +199,9 @@ def solve_further(qp: ProgramRecord, w: ActiveSetRecord, dual: DualRecord, z: Ve
 
 
 @kernel
-def _search(qp: ProgramRecord, w: ActiveSetRecord, dual: DualRecord, z: Vector, found: Vector) -> int:
+def _search(
+    qp: ProgramRecord, w: ActiveSetRecord, dual: DualRecord, z: Vector, found: Vector
+) -> int:
     """Solve where the last active set and its exchange did not end."""
     sparing, spent = w.left < SPARING, w.iterations
     w.searched += 1

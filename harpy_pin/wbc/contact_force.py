@@ -1,19 +1,21 @@
 """The whole-body problem in contact forces alone: z = f, three numbers for each foot.
 
-With limbs eliminated (:mod:`harpy_pin.wbc.condensed.condense`) thrusts, torques and accelerations are functions of the
-contact forces, the best ones for given forces. The cost is that of the root's six equations,
+With limbs eliminated (:mod:`harpy_pin.wbc.condensed.condense`) thrusts, torques and accelerations
+are functions of the contact forces, the best ones for given forces. The cost is that of the root's
+six equations,
 
     minimise    ½ (w − G_f f)ᵀ K⁻¹ (w − G_f f) + ½ w_f ‖f‖²
     subject to  each foot's friction pyramid and range of normal force
                 u(f) in its box,  |τ(f)| ≤ τ_max         rows, affine in f
 
-Wherever no thrust and no torque is at its limit it has the optimum of the other formulations, but for their posture
-task (limbs have no free posture). At a limit they differ: the others then choose the other thrusts, the motion of the
-swing feet and f anew. Here thrusts and motion are functions of f, so only other forces can satisfy the limit. The cost
-is then never less than theirs, and the program may be infeasible where theirs is feasible.
+Wherever no thrust and no torque is at its limit it has the optimum of the other formulations, but
+for their posture task (limbs have no free posture). At a limit they differ: the others then choose
+the other thrusts, the motion of the swing feet and f anew. Here thrusts and motion are functions of
+f, so only other forces can satisfy the limit. The cost is then never less than theirs, and the
+program may be infeasible where theirs is feasible.
 
-The kernels are those of the condensed controller (:mod:`harpy_pin.wbc.condensed.solve`), which solves the
-same program.
+The kernels are those of the condensed controller (:mod:`harpy_pin.wbc.condensed.solve`), which
+solves the same program.
 """
 
 from __future__ import annotations
@@ -29,7 +31,12 @@ from harpy_pin.model.dynamics import DynamicsRecord
 from harpy_pin.model.record import Record, RecordOf, field, make_record, sized
 from harpy_pin.model.state import Vector
 from harpy_pin.wbc.condensed.active_set import ProgramRecord
-from harpy_pin.wbc.condensed.condense import CondensationRecord, eliminate_limbs, recover, root_factor
+from harpy_pin.wbc.condensed.condense import (
+    CondensationRecord,
+    eliminate_limbs,
+    recover,
+    root_factor,
+)
 from harpy_pin.wbc.condensed.condensed_solver import condensation_record
 from harpy_pin.wbc.condensed.force_program import (
     TargetsRecord,
@@ -39,7 +46,12 @@ from harpy_pin.wbc.condensed.force_program import (
     root_acceleration,
 )
 from harpy_pin.wbc.condensed.limits import input_map
-from harpy_pin.wbc.problem import FormulationKernels, FormulationRecord, WholeBodyProblem, enter_pyramids
+from harpy_pin.wbc.problem import (
+    FormulationKernels,
+    FormulationRecord,
+    WholeBodyProblem,
+    enter_pyramids,
+)
 from harpy_pin.wbc.program import QuadraticProgram
 
 
@@ -55,8 +67,9 @@ class ContactForceRecord(RecordOf):
 class ContactForceProblem(WholeBodyProblem):
     """No equalities and no bounds; rows for pyramids, normal forces, thrusts and torques.
 
-    Without a stance foot no unknown is left: thrusts beyond their limits are fixed there, and the others and the feet's
-    motion follow. Torques beyond theirs are clipped, which :meth:`acceleration` does not account for.
+    Without a stance foot no unknown is left: thrusts beyond their limits are fixed there, and the
+    others and the feet's motion follow. Torques beyond theirs are clipped, which
+    :meth:`acceleration` does not account for.
 
     Raises:
         InputError: the robot's joints are not limbs of three, one for each foot, or it has no feet.
@@ -68,7 +81,8 @@ class ContactForceProblem(WholeBodyProblem):
     def _allocate(self) -> tuple[QuadraticProgram, Record]:
         if not self.robot.feet:
             raise InputError(
-                f"'{self.robot.name}' has no feet, and so no contact forces to choose: take 'input_space' or 'full'",
+                f"'{self.robot.name}' has no feet, and so no contact forces to choose: take "
+                f"'input_space' or 'full'",
                 name="formulation",
                 value=self.name,
             )
@@ -76,7 +90,9 @@ class ContactForceProblem(WholeBodyProblem):
         program = QuadraticProgram(self.n_force, equalities=0, inequalities=rows, bounded=0)
         enter_pyramids(program, self.limits.pyramid, self.feet, force=0)
         self._record_["give_way"] = 1.0  # no task can
-        return program, make_record(ContactForceRecord, self.robot.sizes, root=condensation_record(self.robot))
+        return program, make_record(
+            ContactForceRecord, self.robot.sizes, root=condensation_record(self.robot)
+        )
 
     def acceleration(self, z: Vector) -> Vector:
         """See :meth:`WholeBodyProblem.acceleration`."""
@@ -84,21 +100,24 @@ class ContactForceProblem(WholeBodyProblem):
         return field(self.terms["root"], "acceleration").copy()
 
     def motion_map(self, held: Vector) -> tuple[Vector, Vector]:
-        """See :meth:`WholeBodyProblem.motion_map`. Its rows on accelerations are zero: :meth:`check_rows` refuses those
-        that read them."""
+        """See :meth:`WholeBodyProblem.motion_map`. Its rows on accelerations are zero:
+        :meth:`check_rows` refuses those that read them.
+        """
         held = checks.array("held", held, self.feet)
         motion = np.vstack((np.zeros((self.nv, self.n_force)), np.diag(np.repeat(held, 3) != 0.0)))
         return motion, np.zeros(len(motion))
 
     def check_rows(self, matrix: Vector) -> None:
-        """Refuse rows on accelerations: they, and the thrusts, are chosen for every f before the program is solved.
+        """Refuse rows on accelerations: they, and the thrusts, are chosen for every f before the
+        program is solved.
 
         Raises:
             InputError: there is one.
         """
         if matrix[:, : self.nv].any():
             raise InputError(
-                "the formulation 'contact_force' takes tasks on contact forces only: accelerations and thrusts are "
+                "the formulation 'contact_force' takes tasks on contact forces only: accelerations "
+                "and thrusts are "
                 "eliminated before. Take 'input_space' or 'full'",
                 name="formulation",
                 value=self.name,
@@ -144,7 +163,9 @@ def _build(
 
 @kernel
 def _limit_thrusts(p: FormulationRecord, e: CondensationRecord, thrusts: int) -> None:
-    """Without contact: fix the thrusts that are beyond their limits at these limits; each pass fixes one or more."""
+    """Without contact: fix the thrusts that are beyond their limits at these limits; each pass
+    fixes one or more.
+    """
     nothing = np.zeros(e.force_map.shape[1])
     for _ in range(thrusts):
         recover(e, nothing)
@@ -173,7 +194,9 @@ def _inputs(m: ContactForceRecord, qp: ProgramRecord, z: Vector, out: Vector) ->
 
 
 @kernel
-def _force(p: FormulationRecord, m: ContactForceRecord, qp: ProgramRecord, z: Vector, out: Vector) -> None:
+def _force(
+    p: FormulationRecord, m: ContactForceRecord, qp: ProgramRecord, z: Vector, out: Vector
+) -> None:
     """Contact forces of a solution: the variables themselves."""
     out[:] = z
 
@@ -185,7 +208,12 @@ def _limit(p: FormulationRecord, m: ContactForceRecord, qp: ProgramRecord, on: b
 
 @kernel
 def _give_way(
-    d: DynamicsRecord, t: TargetsRecord, p: FormulationRecord, m: ContactForceRecord, qp: ProgramRecord, z: Vector
+    d: DynamicsRecord,
+    t: TargetsRecord,
+    p: FormulationRecord,
+    m: ContactForceRecord,
+    qp: ProgramRecord,
+    z: Vector,
 ) -> None:
     """Nothing: the motion of swing feet is a function of the forces."""
 
@@ -197,4 +225,6 @@ def _acceleration(m: ContactForceRecord, z: Vector, out: Vector) -> None:
     out[:] = m.root.acceleration
 
 
-ContactForceProblem.kernels = FormulationKernels(_build, _inputs, _force, _acceleration, _limit, _give_way)
+ContactForceProblem.kernels = FormulationKernels(
+    _build, _inputs, _force, _acceleration, _limit, _give_way
+)

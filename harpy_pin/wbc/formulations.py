@@ -14,13 +14,17 @@ from harpy_pin.wbc.weights import WholeBodyLimits, WholeBodyWeights
 FORMULATIONS: dict[str, type[WholeBodyProblem]] = {
     kind.name: kind for kind in (FullProblem, InputSpaceProblem, ContactForceProblem)
 }
-"""``full`` has accelerations, contact forces and thrusts as variables, ``input_space`` thrusts and torques, and
-``contact_force`` contact forces, for robots with a limb of its own for each foot."""
+"""``full`` has accelerations, contact forces and thrusts as variables, ``input_space`` thrusts and
+torques, and ``contact_force`` contact forces, for robots with a limb of its own for each foot.
+"""
 
 
 @checked
 def make_problem(
-    name: str, robot: Robot, weights: WholeBodyWeights | None = None, limits: WholeBodyLimits | None = None
+    name: str,
+    robot: Robot,
+    weights: WholeBodyWeights | None = None,
+    limits: WholeBodyLimits | None = None,
 ) -> WholeBodyProblem:
     """A whole-body problem.
 

@@ -36,15 +36,17 @@ class FullRecord(RecordOf):
 
 
 class FullProblem(WholeBodyProblem):
-    """Equalities: the floating base's rows of the dynamics, and those of each foot; rows for the torques.
+    """Equalities: the floating base's rows of the dynamics, and those of each foot; rows for the
+    torques.
 
-    No matrix is inverted: most controllers solve this form, and it is the one to read first. A point foot has three
-    equalities and a flat foot six. In stance they are those of its rigid motion
-    (:func:`harpy_pin.model.terms.flat_foot_rows`). In swing they make the forces of its first corners zero; those
-    of the other corners do not enter the dynamics, so the weight on forces makes them zero.
+    No matrix is inverted: most controllers solve this form, and it is the one to read first. A
+    point foot has three equalities and a flat foot six. In stance they are those of its rigid
+    motion (:func:`harpy_pin.model.terms.flat_foot_rows`). In swing they make the forces of its
+    first corners zero; those of the other corners do not enter the dynamics, so the weight on
+    forces makes them zero.
 
-    Points on one rigid body that is not a flat foot make the program infeasible where their targets contradict each
-    other; ``input_space`` regularises them (:mod:`harpy_pin.model.contact_map`).
+    Points on one rigid body that is not a flat foot make the program infeasible where their targets
+    contradict each other; ``input_space`` regularises them (:mod:`harpy_pin.model.contact_map`).
     """
 
     name: ClassVar[str] = "full"
@@ -97,7 +99,12 @@ def _build(
 
 @kernel
 def _full_objective(
-    d: DynamicsRecord, t: TargetsRecord, p: FormulationRecord, qp: ProgramRecord, v: Vector, rotation: Vector
+    d: DynamicsRecord,
+    t: TargetsRecord,
+    p: FormulationRecord,
+    qp: ProgramRecord,
+    v: Vector,
+    rotation: Vector,
 ) -> None:
     """Diagonal but for the swing feet."""
     nv, nf, nt = d.bias.shape[0], d.foot_drift.shape[0], d.thruster_jacobian.shape[0]
@@ -135,7 +142,9 @@ def _centre_task(
     hessian: Vector,
     gradient: Vector,
 ) -> None:
-    """The centre of mass in the place of the body's origin, whose task is on the first three of the diagonal."""
+    """The centre of mass in the place of the body's origin, whose task is on the first three of the
+    diagonal.
+    """
     row = np.empty(d.bias.shape[0])
     for i in range(3):
         hessian[i, i] = gradient[i] = 0.0
@@ -161,11 +170,20 @@ def _force(p: FormulationRecord, m: FullRecord, qp: ProgramRecord, z: Vector, ou
 
 @kernel
 def _give_way(
-    d: DynamicsRecord, t: TargetsRecord, p: FormulationRecord, m: FullRecord, qp: ProgramRecord, z: Vector
+    d: DynamicsRecord,
+    t: TargetsRecord,
+    p: FormulationRecord,
+    m: FullRecord,
+    qp: ProgramRecord,
+    z: Vector,
 ) -> None:
     """Let least forces and swing feet give way to the torques of z."""
     _inputs(m, qp, z, m.inputs)
-    faces, first, torque = p.pyramid.shape[0], qp.bounded + d.foot_drift.shape[0], m.inputs[qp.bounded :]
+    faces, first, torque = (
+        p.pyramid.shape[0],
+        qp.bounded + d.foot_drift.shape[0],
+        m.inputs[qp.bounded :],
+    )
     motion_hessian, motion_gradient = qp.hessian[first:, first:], qp.gradient[first:]
     for k in range(t.held.shape[0]):
         if t.held[k] != 0.0:
@@ -191,7 +209,9 @@ def _limit(p: FormulationRecord, m: FullRecord, qp: ProgramRecord, on: bool) -> 
 
 
 @kernel
-def _dynamics_rows(d: DynamicsRecord, t: TargetsRecord, p: FormulationRecord, qp: ProgramRecord) -> None:
+def _dynamics_rows(
+    d: DynamicsRecord, t: TargetsRecord, p: FormulationRecord, qp: ProgramRecord
+) -> None:
     """Floating-base rows of the dynamics."""
     force, acceleration = qp.bounded, qp.bounded + d.foot_drift.shape[0]
     for i in range(6):
@@ -205,7 +225,9 @@ def _dynamics_rows(d: DynamicsRecord, t: TargetsRecord, p: FormulationRecord, qp
 
 @kernel
 def _drop_swing_flat_feet(t: TargetsRecord, p: FormulationRecord, row: Vector, force: int) -> None:
-    """Zero the columns of their forces in a row of the dynamics; those of points have equalities that do it."""
+    """Zero the columns of their forces in a row of the dynamics; those of points have equalities
+    that do it.
+    """
     k = 0
     for n in range(p.corners.shape[0]):
         corners = p.corners[n]
@@ -215,7 +237,9 @@ def _drop_swing_flat_feet(t: TargetsRecord, p: FormulationRecord, row: Vector, f
 
 
 @kernel
-def _foot_rows(d: DynamicsRecord, t: TargetsRecord, p: FormulationRecord, qp: ProgramRecord) -> None:
+def _foot_rows(
+    d: DynamicsRecord, t: TargetsRecord, p: FormulationRecord, qp: ProgramRecord
+) -> None:
     """Stance feet are held, swing feet have no force."""
     nv, nf = d.bias.shape[0], d.foot_drift.shape[0]
     force, acceleration = qp.bounded, qp.bounded + nf
@@ -248,7 +272,12 @@ def _foot_rows(d: DynamicsRecord, t: TargetsRecord, p: FormulationRecord, qp: Pr
 
 @kernel
 def _torque_rows(
-    d: DynamicsRecord, t: TargetsRecord, p: FormulationRecord, m: FullRecord, qp: ProgramRecord, v: Vector
+    d: DynamicsRecord,
+    t: TargetsRecord,
+    p: FormulationRecord,
+    m: FullRecord,
+    qp: ProgramRecord,
+    v: Vector,
 ) -> None:
     """Joint rows of the dynamics: the torques, less their offset."""
     nv, force, acceleration = v.shape[0], qp.bounded, qp.bounded + d.foot_drift.shape[0]

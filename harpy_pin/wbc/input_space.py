@@ -1,11 +1,13 @@
 """The whole-body problem in the robot's inputs only: z = [u; τ].
 
-With the held feet's accelerations prescribed, contact forces and accelerations are affine in the inputs
-(:mod:`harpy_pin.model.contact_map`, the map that the contact-force filter uses too): f = f₀ + A y, a = a₀ + R y with
-y = [u; τ]. No equality is left, the limits of thrusts and torques are bounds, and only the friction pyramids are rows.
+With the held feet's accelerations prescribed, contact forces and accelerations are affine in the
+inputs (:mod:`harpy_pin.model.contact_map`, the map that the contact-force filter uses too): f = f₀
++ A y, a = a₀ + R y with y = [u; τ]. No equality is left, the limits of thrusts and torques are
+bounds, and only the friction pyramids are rows.
 
-Contact forces and thrusts do not always suffice as variables: on one foot they are nine numbers, and the swing leg has
-three degrees of freedom of its own. There are as many inputs as degrees of freedom in every support.
+Contact forces and thrusts do not always suffice as variables: on one foot they are nine numbers,
+and the swing leg has three degrees of freedom of its own. There are as many inputs as degrees of
+freedom in every support.
 """
 
 from __future__ import annotations
@@ -16,7 +18,12 @@ import numpy as np
 
 from harpy_pin.kernels import kernel
 from harpy_pin.model.cholesky import solve_factor
-from harpy_pin.model.contact_map import ContactMapRecord, contact_gain, contact_terms, sticking_force
+from harpy_pin.model.contact_map import (
+    ContactMapRecord,
+    contact_gain,
+    contact_terms,
+    sticking_force,
+)
 from harpy_pin.model.dynamics import DynamicsRecord
 from harpy_pin.model.record import Record, field
 from harpy_pin.model.state import Vector
@@ -36,18 +43,24 @@ from harpy_pin.wbc.program import QuadraticProgram
 
 
 class InputSpaceProblem(WholeBodyProblem):
-    """No equalities; bounds on thrusts and torques; the pyramid and the normal force as rows of each foot."""
+    """No equalities; bounds on thrusts and torques; the pyramid and the normal force as rows of
+    each foot.
+    """
 
     name: ClassVar[str] = "input_space"
     kernels: ClassVar[FormulationKernels]
 
     def _allocate(self) -> tuple[QuadraticProgram, Record]:
         inputs = self.n_thrust + self.joints
-        program = QuadraticProgram(inputs, equalities=0, inequalities=self.foot_rows * self.feet, bounded=inputs)
+        program = QuadraticProgram(
+            inputs, equalities=0, inequalities=self.foot_rows * self.feet, bounded=inputs
+        )
         self._motion = np.zeros((self.nv + self.n_force, inputs))
         self._at_zero = np.zeros(self.nv + self.n_force)
         terms = contact_terms(self.robot)
-        self._views = {name: field(terms, name) for name in ("rows", "response", "drive", "gain", "force")}
+        self._views = {
+            name: field(terms, name) for name in ("rows", "response", "drive", "gain", "force")
+        }
         return program, terms
 
     def acceleration(self, z: Vector) -> Vector:
@@ -84,7 +97,9 @@ def build_inputs(
 
 @kernel
 def _affine_map(d: DynamicsRecord, t: TargetsRecord, m: ContactMapRecord, v: Vector) -> int:
-    """f = f₀ + A y and a = a₀ + R y: fills force, gain, drive (a₀) and response; returns the held directions."""
+    """f = f₀ + A y and a = a₀ + R y: fills force, gain, drive (a₀) and response; returns the held
+    directions.
+    """
     nv = v.shape[0]
     count = 0
     for c in range(d.foot_drift.shape[0]):
@@ -157,7 +172,13 @@ def _centre_task(
 
 @kernel
 def _add_swing_task(
-    weight: float, d: DynamicsRecord, t: TargetsRecord, m: ContactMapRecord, c: int, hessian: Vector, gradient: Vector
+    weight: float,
+    d: DynamicsRecord,
+    t: TargetsRecord,
+    m: ContactMapRecord,
+    c: int,
+    hessian: Vector,
+    gradient: Vector,
 ) -> None:
     """Add ½ weight (acceleration − target)² of one direction of a swing foot, in the inputs y."""
     nv, ny = m.response.shape
@@ -181,7 +202,12 @@ def _limit(p: FormulationRecord, m: ContactMapRecord, qp: ProgramRecord, on: boo
 
 @kernel
 def _give_way(
-    d: DynamicsRecord, t: TargetsRecord, p: FormulationRecord, m: ContactMapRecord, qp: ProgramRecord, z: Vector
+    d: DynamicsRecord,
+    t: TargetsRecord,
+    p: FormulationRecord,
+    m: ContactMapRecord,
+    qp: ProgramRecord,
+    z: Vector,
 ) -> None:
     """Let least forces and swing feet give way to the torques of z, without limits."""
     ny, faces = m.response.shape[1], p.pyramid.shape[0]
@@ -189,7 +215,9 @@ def _give_way(
     for k in range(t.held.shape[0]):
         if t.held[k] != 0.0:
             share = share_of_least_force(d, torque, p.torque_limit, k)
-            qp.lower[qp.bounded + (faces + 1) * k + faces] = share * t.force_range[k, 0] - m.force[a + 2]
+            qp.lower[qp.bounded + (faces + 1) * k + faces] = (
+                share * t.force_range[k, 0] - m.force[a + 2]
+            )
             a += 3
             continue
         less = (1.0 - share_of_swing(d, torque, p.torque_limit, p.give_way, k)) * p.w_swing
@@ -202,7 +230,11 @@ def _give_way(
 def _rows(t: TargetsRecord, p: FormulationRecord, m: ContactMapRecord, qp: ProgramRecord) -> None:
     """Friction pyramids P (f₀ + A y) ≥ 0, and the range of the normal force."""
     ny, faces = m.gain.shape[1], p.pyramid.shape[0]
-    inequality, lower, upper = qp.inequality[qp.bounded :], qp.lower[qp.bounded :], qp.upper[qp.bounded :]
+    inequality, lower, upper = (
+        qp.inequality[qp.bounded :],
+        qp.lower[qp.bounded :],
+        qp.upper[qp.bounded :],
+    )
     a = 0
     for k in range(t.held.shape[0]):
         first, last = (faces + 1) * k, (faces + 1) * k + faces
@@ -228,7 +260,9 @@ def _inputs(m: ContactMapRecord, qp: ProgramRecord, z: Vector, out: Vector) -> N
 
 
 @kernel
-def _force(p: FormulationRecord, m: ContactMapRecord, qp: ProgramRecord, z: Vector, out: Vector) -> None:
+def _force(
+    p: FormulationRecord, m: ContactMapRecord, qp: ProgramRecord, z: Vector, out: Vector
+) -> None:
     """Contact forces f₀ + A y of a solution y."""
     out[:] = 0.0
     for a in range(p.directions):
@@ -241,4 +275,6 @@ def _acceleration(m: ContactMapRecord, z: Vector, out: Vector) -> None:
     out[:] = m.drive + m.response @ z
 
 
-InputSpaceProblem.kernels = FormulationKernels(build_inputs, _inputs, _force, _acceleration, _limit, _give_way)
+InputSpaceProblem.kernels = FormulationKernels(
+    build_inputs, _inputs, _force, _acceleration, _limit, _give_way
+)

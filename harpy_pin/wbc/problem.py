@@ -7,19 +7,22 @@
                 P f ≥ 0,  f_min ≤ f_z ≤ f_max                       friction pyramid, normal force
                 |τ| ≤ τ_max, u in a box inside the limits of thrusters and rotors
 
-Feet are contact points: point feet, and the corners of flat feet (:mod:`harpy_pin.model.flat_foot`), each with a force
-and a friction pyramid. Many forces at the corners of a flat foot have the same effect on the robot; the weight on
-contact forces makes the optimum the smallest of them. The tasks are those of :mod:`harpy_pin.wbc.tasks.built_in`.
+Feet are contact points: point feet, and the corners of flat feet
+(:mod:`harpy_pin.model.flat_foot`), each with a force and a friction pyramid. Many forces at the
+corners of a flat foot have the same effect on the robot; the weight on contact forces makes the
+optimum the smallest of them. The tasks are those of :mod:`harpy_pin.wbc.tasks.built_in`.
 
-Dynamics and stance feet leave as many degrees of freedom as there are inputs. The formulations differ in what they keep
-as variables (:mod:`harpy_pin.wbc.formulations`). The sizes never change: the rows of a foot switch between holding it
-and making its force zero, so one solver keeps its memory and its warm start through touchdown and lift-off.
+Dynamics and stance feet leave as many degrees of freedom as there are inputs. The formulations
+differ in what they keep as variables (:mod:`harpy_pin.wbc.formulations`). The sizes never change:
+the rows of a foot switch between holding it and making its force zero, so one solver keeps its
+memory and its warm start through touchdown and lift-off.
 
-In kernels of this package each letter has one meaning, an element of a record: ``d`` of the dynamics, ``t`` of the
-targets, ``p`` of the problem (:class:`ProblemRecord`, or a record with more fields), ``e`` of the root's six equations
-(:mod:`harpy_pin.wbc.condensed.condense`), ``m`` what a formulation keeps of the last state, ``qp`` of the program and
-``w`` the work space of a search for its optimum. ``v`` (nv,) is the generalised velocity and ``rotation`` (3, 3) takes
-body to world axes.
+In kernels of this package each letter has one meaning, an element of a record: ``d`` of the
+dynamics, ``t`` of the targets, ``p`` of the problem (:class:`ProblemRecord`, or a record with more
+fields), ``e`` of the root's six equations (:mod:`harpy_pin.wbc.condensed.condense`), ``m`` what a
+formulation keeps of the last state, ``qp`` of the program and ``w`` the work space of a search for
+its optimum. ``v`` (nv,) is the generalised velocity and ``rotation`` (3, 3) takes body to world
+axes.
 """
 
 from __future__ import annotations
@@ -44,7 +47,13 @@ from harpy_pin.model.state import Vector
 from harpy_pin.wbc.condensed.force_program import ProblemRecord, TargetsRecord, root_acceleration
 from harpy_pin.wbc.program import QuadraticProgram
 from harpy_pin.wbc.tasks.built_in import joint_weights
-from harpy_pin.wbc.weights import WholeBodyLimits, WholeBodyTargets, WholeBodyWeights, check_terms, thrust_box
+from harpy_pin.wbc.weights import (
+    WholeBodyLimits,
+    WholeBodyTargets,
+    WholeBodyWeights,
+    check_terms,
+    thrust_box,
+)
 
 
 class FormulationRecord(ProblemRecord):
@@ -55,12 +64,17 @@ class FormulationRecord(ProblemRecord):
     directions: int = ZERO  # of the held feet, where the formulation counts them
 
 
-def problem_values(robot: Robot, weights: WholeBodyWeights, limits: WholeBodyLimits) -> Mapping[str, Any]:
+def problem_values(
+    robot: Robot, weights: WholeBodyWeights, limits: WholeBodyLimits
+) -> Mapping[str, Any]:
     """Fields of a :class:`ProblemRecord`."""
     torque, (lower, upper) = limits.torque_scale * robot.torque_limit, thrust_box(robot, limits)
     return {
         **{f"w_{name}": value for name, value in asdict(weights).items()},
-        **{name: getattr(limits, name) for name in ("give_way", "pyramid", "mu", "friction_share", "inscribed")},
+        **{
+            name: getattr(limits, name)
+            for name in ("give_way", "pyramid", "mu", "friction_share", "inscribed")
+        },
         "torque_limit": torque,
         "input_lower": np.append(lower, -torque),
         "input_upper": np.append(upper, torque),
@@ -76,8 +90,12 @@ class FormulationKernels:
     inputs: Kernel[None]  # reads [u; τ] off a solution: (m, qp, z, out)
     force: Kernel[None]  # reads the contact forces off it: (p, m, qp, z, out)
     acceleration: Kernel[None]  # reads the generalised acceleration off it: (m, z, out)
-    limit: Kernel[None]  # puts limits of thrusts and torques into the program, or takes them out: (p, m, qp, on)
-    give_way: Kernel[None]  # lets tasks give way to a solution without these limits: (d, t, p, m, qp, z)
+    limit: Kernel[
+        None
+    ]  # puts limits of thrusts and torques into the program, or takes them out: (p, m, qp, on)
+    give_way: Kernel[
+        None
+    ]  # lets tasks give way to a solution without these limits: (d, t, p, m, qp, z)
 
 
 @fixed_arrays("record", "terms")
@@ -103,7 +121,10 @@ class WholeBodyProblem(KeepsViews):
 
     @checked
     def __init__(
-        self, robot: Robot, weights: WholeBodyWeights | None = None, limits: WholeBodyLimits | None = None
+        self,
+        robot: Robot,
+        weights: WholeBodyWeights | None = None,
+        limits: WholeBodyLimits | None = None,
     ) -> None:
         checks.instance("robot", robot, Robot)
         self.robot = robot
@@ -111,11 +132,15 @@ class WholeBodyProblem(KeepsViews):
         self.limits = limits if limits is not None else WholeBodyLimits()
         self.feet, self.joints = len(robot.feet), len(robot.joints)
         self.nv, self.n_force, self.n_thrust = robot.model.nv, 3 * self.feet, robot.n_thrust
-        self.foot_rows = len(self.limits.pyramid) + 1  # the pyramid's faces, and the range of the normal force
+        self.foot_rows = (
+            len(self.limits.pyramid) + 1
+        )  # the pyramid's faces, and the range of the normal force
         w, names = self.weights, joint_weights(robot)
         self.record = make_record(
             FormulationRecord,
-            w_motion=np.array([w.body] * 3 + [w.orientation] * 3 + [getattr(w, name) for name in names]),
+            w_motion=np.array(
+                [w.body] * 3 + [w.orientation] * 3 + [getattr(w, name) for name in names]
+            ),
             corners=np.array(robot.corners, dtype=np.int64),
             **problem_values(robot, self.weights, self.limits),
         )
@@ -124,7 +149,9 @@ class WholeBodyProblem(KeepsViews):
 
     @property
     def thrust_bounds(self) -> tuple[Vector, Vector]:
-        """Arrays whose first entries are the least and largest thrust variables of the next program, N."""
+        """Arrays whose first entries are the least and largest thrust variables of the next
+        program, N.
+        """
         return field(self._record_, "input_lower"), field(self._record_, "input_upper")
 
     def _allocate(self) -> tuple[QuadraticProgram, Record]:
@@ -139,10 +166,15 @@ class WholeBodyProblem(KeepsViews):
             targets: of the tasks.
         """
         check_terms(self.robot, dynamics, targets)
-        self.kernels.build.prepare(*self._records(dynamics, targets), np.zeros(self.nv), dynamics.rotation)
+        self.kernels.build.prepare(
+            *self._records(dynamics, targets), np.zeros(self.nv), dynamics.rotation
+        )
 
-    def build(self, dynamics: Dynamics, v: Vector, rotation: Vector, targets: WholeBodyTargets) -> None:
-        """Fill in the program; the objective anew as a whole, whatever was done to it since the last tick.
+    def build(
+        self, dynamics: Dynamics, v: Vector, rotation: Vector, targets: WholeBodyTargets
+    ) -> None:
+        """Fill in the program; the objective anew as a whole, whatever was done to it since the
+        last tick.
 
         Args:
             dynamics: terms at the present state.
@@ -154,15 +186,25 @@ class WholeBodyProblem(KeepsViews):
             InputError: terms or targets of another robot, or an array of another shape.
         """
         check_terms(self.robot, dynamics, targets)
-        self._fill(dynamics, as_array("v", v, (self.nv,)), as_array("rotation", rotation, (3, 3)), targets)
+        self._fill(
+            dynamics, as_array("v", v, (self.nv,)), as_array("rotation", rotation, (3, 3)), targets
+        )
 
-    def _fill(self, dynamics: Dynamics, v: Vector, rotation: Vector, targets: WholeBodyTargets) -> None:
+    def _fill(
+        self, dynamics: Dynamics, v: Vector, rotation: Vector, targets: WholeBodyTargets
+    ) -> None:
         """As :meth:`build`, of arguments that were checked: for controllers, in every tick."""
         self.kernels.build(*self._records(dynamics, targets), v, rotation)
 
     def _records(self, dynamics: Dynamics, targets: WholeBodyTargets) -> tuple[Records[Any], ...]:
         """What the kernels take first."""
-        return dynamics._record_, targets._record_, self._record_, self._terms_, self.program._record_
+        return (
+            dynamics._record_,
+            targets._record_,
+            self._record_,
+            self._terms_,
+            self.program._record_,
+        )
 
     def inputs(self, z: Vector, out: Vector) -> None:
         """Read the inputs off a solution of the program last built.
@@ -176,7 +218,9 @@ class WholeBodyProblem(KeepsViews):
         """
         z = self._solution(z)
         if as_array("out", out, (self.n_thrust + self.joints,)) is not out:
-            raise InputError("out must be a float64 array in C order: it is overwritten", name="out", value=out)
+            raise InputError(
+                "out must be a float64 array in C order: it is overwritten", name="out", value=out
+            )
         self.kernels.inputs(self._terms_, self.program._record_, z, out)
 
     def acceleration(self, z: Vector) -> Vector:
@@ -188,23 +232,28 @@ class WholeBodyProblem(KeepsViews):
         raise NotImplementedError
 
     def contact_force(self, z: Vector) -> Vector:
-        """(feet, 3) contact forces that a solution of the program last built brings about, world axes, N.
+        """(feet, 3) contact forces that a solution of the program last built brings about, world
+        axes, N.
 
         Args:
             z: (n,) solution.
         """
         force = np.zeros(self.n_force)
-        self.kernels.force(self._record_, self._terms_, self.program._record_, self._solution(z), force)
+        self.kernels.force(
+            self._record_, self._terms_, self.program._record_, self._solution(z), force
+        )
         return force.reshape(-1, 3)
 
     def motion_map(self, held: Vector) -> tuple[Vector, Vector]:
         """Accelerations and contact forces of any z of the program last built: [a; f] = X z + x₀.
 
         Args:
-            held: (feet,) 1 where a foot is held on the ground, else 0, as in the targets of :meth:`build`.
+            held: (feet,) 1 where a foot is held on the ground, else 0, as in the targets of
+                :meth:`build`.
 
         Returns:
-            (nv + 3 feet, n) X and (nv + 3 feet,) x₀; the rows of swing feet are zero, as their forces are.
+            (nv + 3 feet, n) X and (nv + 3 feet,) x₀; the rows of swing feet are zero, as their
+            forces are.
         """
         raise NotImplementedError
 
@@ -232,7 +281,9 @@ def enter_pyramids(program: QuadraticProgram, pyramid: Vector, feet: int, *, for
 
 @kernel
 def add_task(weight: float, row: Vector, value: float, hessian: Vector, gradient: Vector) -> None:
-    """Add ½ weight (row z − value)² on the leading variables: to the lower triangle of H, and to g."""
+    """Add ½ weight (row z − value)² on the leading variables: to the lower triangle of H, and to
+    g.
+    """
     for a in range(row.shape[0]):
         x = weight * row[a]
         if x != 0.0:
@@ -256,16 +307,20 @@ def desired_acceleration(v: Vector, rotation: Vector, t: TargetsRecord, out: Vec
 
 
 @kernel
-def body_row(k: int, d: DynamicsRecord, t: TargetsRecord, v: Vector, rotation: Vector, row: Vector) -> float:
-    """A row of the body's linear task along a world axis, where the centre of mass has the horizontal ones.
+def body_row(
+    k: int, d: DynamicsRecord, t: TargetsRecord, v: Vector, rotation: Vector, row: Vector
+) -> float:
+    """A row of the body's linear task along a world axis, where the centre of mass has the
+    horizontal ones.
 
-    The base's linear rows of M a + n are the robot's mass times the acceleration of its centre of mass, less gravity,
-    in base axes: c̈ = R (M_l a + n_l) / m + g. The task of the body has these rows where a gait demands that
-    acceleration (:attr:`harpy_pin.gaits.gait.GaitTarget.centre_of_mass`): of a robot on soles legs, torso and arms are
-    heavy, and what they do moves its centre of mass against the origin of its base.
+    The base's linear rows of M a + n are the robot's mass times the acceleration of its centre of
+    mass, less gravity, in base axes: c̈ = R (M_l a + n_l) / m + g. The task of the body has these
+    rows where a gait demands that acceleration
+    (:attr:`harpy_pin.gaits.gait.GaitTarget.centre_of_mass`): of a robot on soles legs, torso and
+    arms are heavy, and what they do moves its centre of mass against the origin of its base.
 
-    Axis k is 0 or 1 of the centre of mass, or 2 of the body's origin. The row (nv,) is written, and the value that
-    row · a should have, m/s², is returned.
+    Axis k is 0 or 1 of the centre of mass, or 2 of the body's origin. The row (nv,) is written, and
+    the value that row · a should have, m/s², is returned.
     """
     if k < 2:
         row[:] = d.mass_matrix[:3].T @ rotation[k] / d.mass_matrix[0, 0]

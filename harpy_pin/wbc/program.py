@@ -1,4 +1,5 @@
-"""A dense quadratic program of constant size, ½ zᵀH z + gᵀz, A z = b, l ≤ C z ≤ u, its solutions and solvers.
+"""A dense quadratic program of constant size, ½ zᵀH z + gᵀz, A z = b, l ≤ C z ≤ u, its solutions
+and solvers.
 
 Every solution has a status, which callers have to check.
 """
@@ -24,7 +25,9 @@ MAX_SIZE = 10_000
 """Most variables, or rows, of a program."""
 
 
-@fixed_arrays("equality", "equality_value", "gradient", "hessian", "inequality", "lower", "record", "upper")
+@fixed_arrays(
+    "equality", "equality_value", "gradient", "hessian", "inequality", "lower", "record", "upper"
+)
 class QuadraticProgram(KeepsViews):
     """Arrays of a program, overwritten from tick to tick.
 
@@ -32,7 +35,8 @@ class QuadraticProgram(KeepsViews):
         size: number of variables.
         equalities: number of equalities.
         inequalities: number of inequalities that are no bounds.
-        bounded: the first so many variables have bounds of their own; they make the first rows of C, the identity.
+        bounded: the first so many variables have bounds of their own; they make the first rows of
+            C, the identity.
         weight_unit: weight that counts as one in the objective; ProxQP scales the objective by it.
 
     Attributes:
@@ -46,9 +50,20 @@ class QuadraticProgram(KeepsViews):
     _equality_value_: Vector
 
     def __init__(
-        self, size: int, *, equalities: int, inequalities: int, bounded: int, weight_unit: float = 1.0
+        self,
+        size: int,
+        *,
+        equalities: int,
+        inequalities: int,
+        bounded: int,
+        weight_unit: float = 1.0,
     ) -> None:
-        given = {"size": size, "equalities": equalities, "inequalities": inequalities, "bounded": bounded}
+        given = {
+            "size": size,
+            "equalities": equalities,
+            "inequalities": inequalities,
+            "bounded": bounded,
+        }
         for name, value in given.items():
             checks.whole(name, value, high=MAX_SIZE)
         rows = bounded + inequalities
@@ -92,7 +107,9 @@ class QuadraticProgram(KeepsViews):
         """
         c = self.inequality @ checks.array("z", z, len(self.gradient))
         equal = np.abs(self.equality @ z - self.equality_value)
-        return float(max(equal.max(initial=0.0), (self.lower - c).max(), (c - self.upper).max(), 0.0))
+        return float(
+            max(equal.max(initial=0.0), (self.lower - c).max(), (c - self.upper).max(), 0.0)
+        )
 
 
 @kernel
@@ -166,7 +183,9 @@ class QPSolver(KeepsViews, ABC):
     name: ClassVar[str]
 
     def __init__(self, program: QuadraticProgram) -> None:
-        self.solution = QPSolution(np.zeros(checks.instance("program", program, QuadraticProgram).shape[0]))
+        self.solution = QPSolution(
+            np.zeros(checks.instance("program", program, QuadraticProgram).shape[0])
+        )
         self._layout = program._record_.dtype
 
     def prepare(self, program: QuadraticProgram) -> None:
@@ -192,7 +211,8 @@ class QPSolver(KeepsViews, ABC):
             program: filled, and of the sizes that the solver was made for.
 
         Returns:
-            The solution, the object :attr:`solution` itself. Its violation is measured here, not taken from the solver.
+            The solution, the object :attr:`solution` itself. Its violation is measured here, not
+            taken from the solver.
 
         Raises:
             InputError: the program has other sizes.
@@ -213,7 +233,10 @@ class QPSolver(KeepsViews, ABC):
         """Refuse a program of other sizes: kernels would go past their arrays."""
         record = getattr(program, "_record_", None)
         if record is None or record.dtype != self._layout:
-            message = f"program must be one of the sizes that the solver was made for, got {shown(program)}"
+            message = (
+                f"program must be one of the sizes that the solver was made for, got "
+                f"{shown(program)}"
+            )
             raise InputError(message, name="program", value=program)
 
     @abstractmethod

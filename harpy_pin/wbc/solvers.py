@@ -1,8 +1,10 @@
-"""Every solver by its name behind one small interface; all but ProxQP and our own search are optional to install.
+"""Every solver by its name behind one small interface; all but ProxQP and our own search are
+optional to install.
 
-PIQP, OSQP, Clarabel and quadprog serve the comparison, which must not slow them down. Through qpsolvers, to the same
-accuracy on the same 500 programs, their median solve took longer: PIQP 1.5 to 1.7 times, Clarabel 1.2 to 1.4 times,
-quadprog 1.6 to 2.2 times, OSQP 2.7 to 8 times (over the three formulations). So each has a class here.
+PIQP, OSQP, Clarabel and quadprog serve the comparison, which must not slow them down. Through
+qpsolvers, to the same accuracy on the same 500 programs, their median solve took longer: PIQP 1.5
+to 1.7 times, Clarabel 1.2 to 1.4 times, quadprog 1.6 to 2.2 times, OSQP 2.7 to 8 times (over the
+three formulations). So each has a class here.
 """
 
 from __future__ import annotations
@@ -28,12 +30,16 @@ MAX_STEPS = 1_000_000
 """Largest bound on the iterations of a solver."""
 
 LARGEST = 1e8
-"""Largest entry on the diagonal of the Hessian that ProxQP gets: beyond it rounding is larger than the tolerance."""
+"""Largest entry on the diagonal of the Hessian that ProxQP gets: beyond it rounding is larger than
+the tolerance.
+"""
 
 OUTCOMES = {
     **dict.fromkeys(("PIQP_SOLVED", "OSQP_SOLVED", "Solved"), QPStatus.SOLVED),
     **dict.fromkeys(("PIQP_MAX_ITER_REACHED", "OSQP_MAX_ITER_REACHED"), QPStatus.MAX_ITERATIONS),
-    **dict.fromkeys(("OSQP_SOLVED_INACCURATE", "MaxIterations", "AlmostSolved"), QPStatus.MAX_ITERATIONS),
+    **dict.fromkeys(
+        ("OSQP_SOLVED_INACCURATE", "MaxIterations", "AlmostSolved"), QPStatus.MAX_ITERATIONS
+    ),
 }
 """What the packages' outcomes mean, by their names; all others are without a solution."""
 
@@ -64,7 +70,9 @@ class PackageSolver(QPSolver):
 
 
 class ScaledProgramRecord(RecordOf):
-    """A program as ProxQP gets it: a larger objective with the same optimum, and one-sided rows as upper bounds."""
+    """A program as ProxQP gets it: a larger objective with the same optimum, and one-sided rows as
+    upper bounds.
+    """
 
     hessian: Vector = sized("size", "size")  # H times the scale
     gradient: Vector = sized("size")  # g times the scale
@@ -100,45 +108,55 @@ class ProxQPSolver(PackageSolver):
 
     A warm start that fails is tried again cold, and never outlives its tick.
 
-    What follows was tried with ProxQP 0.8.0 on 18,000 programs of pushed walks of Harpy in each formulation, at
-    friction 0.15 to 0.6, on walks with motors at their limits, and on G1, Talos, Go2 and Solo12 as they stand and are
-    pushed; against exact active-set methods. Taken is what was fastest with torques within 1 mN·m of the optimum.
+    What follows was tried with ProxQP 0.8.0 on 18,000 programs of pushed walks of Harpy in each
+    formulation, at friction 0.15 to 0.6, on walks with motors at their limits, and on G1, Talos,
+    Go2 and Solo12 as they stand and are pushed; against exact active-set methods. Taken is what was
+    fastest with torques within 1 mN·m of the optimum.
 
-    - **Scale of the objective.** ProxQP adds its proximal term, ``rho`` = 1e-6, to a Hessian whose smallest eigenvalue
-      is 3e-4 for Harpy and 1e-8 for Talos. There it does not end: all of Talos's and G1's programs went to the dual
-      method. With a weight of 1,000 on the body none did, and Harpy's solves take as long or less. A smaller ``rho``
-      instead leaves errors of 0.01 to 0.1 N·m. A common factor on all weights changes nothing.
-    - **Rounding.** The gradient of the scaled objective adds up terms of 1e10 where G1 stands on stiff legs. Rounding
-      alone is then above the tolerance, and 144 of 150 programs did not end. So no entry becomes larger than 1e8. With
-      a relative tolerance of 1e-14 instead they end, too, but rare ticks of Solo12 are 0.2 N away from the optimum.
-    - **Unit of the weights.** The scale counts from the body's weight. From the largest, 12 for Harpy, its solves took
-      1.1 times as long.
-    - **Gap and tolerance.** The objective is flat in some directions: without a gap, or with residuals ten times as
-      large, rare ticks are 0.005 to 1 N·m away from the optimum. Without a gap ProxQP calls points solved whose
-      multipliers do not belong to the active constraints.
-    - **No Ruiz scaling** (``compute_preconditioner``). Without it a solve takes 0.85 of the time and ends nearer to the
-      optimum. With it made anew for every program (``update_preconditioner``) it takes 3.5 times as long.
-    - **Rows as upper bounds.** With lower ones the worst programs take six times as many iterations, and ProxQP never
-      sees that they are infeasible.
-    - **Backend.** ``PrimalDualLDLT`` is what ``Automatic`` chooses for 12 unknowns and more. For six, those of
-      ``contact_force``, it takes half of the time of what is chosen there.
+    - **Scale of the objective.** ProxQP adds its proximal term, ``rho`` = 1e-6, to a Hessian whose
+      smallest eigenvalue is 3e-4 for Harpy and 1e-8 for Talos. There it does not end: all of
+      Talos's and G1's programs went to the dual method. With a weight of 1,000 on the body none
+      did, and Harpy's solves take as long or less. A smaller ``rho`` instead leaves errors of 0.01
+      to 0.1 N·m. A common factor on all weights changes nothing.
+    - **Rounding.** The gradient of the scaled objective adds up terms of 1e10 where G1 stands on
+      stiff legs. Rounding alone is then above the tolerance, and 144 of 150 programs did not end.
+      So no entry becomes larger than 1e8. With a relative tolerance of 1e-14 instead they end, too,
+      but rare ticks of Solo12 are 0.2 N away from the optimum.
+    - **Unit of the weights.** The scale counts from the body's weight. From the largest, 12 for
+      Harpy, its solves took 1.1 times as long.
+    - **Gap and tolerance.** The objective is flat in some directions: without a gap, or with
+      residuals ten times as large, rare ticks are 0.005 to 1 N·m away from the optimum. Without a
+      gap ProxQP calls points solved whose multipliers do not belong to the active constraints.
+    - **No Ruiz scaling** (``compute_preconditioner``). Without it a solve takes 0.85 of the time
+      and ends nearer to the optimum. With it made anew for every program
+      (``update_preconditioner``) it takes 3.5 times as long.
+    - **Rows as upper bounds.** With lower ones the worst programs take six times as many
+      iterations, and ProxQP never sees that they are infeasible.
+    - **Backend.** ``PrimalDualLDLT`` is what ``Automatic`` chooses for 12 unknowns and more. For
+      six, those of ``contact_force``, it takes half of the time of what is chosen there.
     - **No box interface.** Bounds as rows take 2 µs less than as ``box_constraints``.
     - **Warm start.** With the last penalties a solve takes as long as with the initial ones
-      (``COLD_START_WITH_PREVIOUS_RESULT``), in fewer iterations. Without a guess it takes two to three times as long.
-    - **Left at their defaults:** ``mu_in``, ``mu_eq`` (of a tenth to a thousandth the faster ones end newtons away from
-      the optimum), the updates of the penalties, and the merit function (``PDAL`` takes 1.1 times as long).
-    - **Formulation.** ``input_space`` takes 0.65 of the time of ``full``, which has the same optimum.
+      (``COLD_START_WITH_PREVIOUS_RESULT``), in fewer iterations. Without a guess it takes two to
+      three times as long.
+    - **Left at their defaults:** ``mu_in``, ``mu_eq`` (of a tenth to a thousandth the faster ones
+      end newtons away from the optimum), the updates of the penalties, and the merit function
+      (``PDAL`` takes 1.1 times as long).
+    - **Formulation.** ``input_space`` takes 0.65 of the time of ``full``, which has the same
+      optimum.
 
     ``solve_in_parallel`` and ``solve_no_gil`` serve batches. A tick has one program.
 
     Args:
         program: gives the sizes.
-        scale: weight that counts as one, in the scaled objective, where its Hessian is small enough.
-        tolerance: absolute residual of the constraints, in their units, and of the stationarity of the scaled program,
-            at which a solve ends.
-        gap: absolute duality gap of the scaled program at which a solve ends; None does not ask for any.
+        scale: weight that counts as one, in the scaled objective, where its Hessian is small
+            enough.
+        tolerance: absolute residual of the constraints, in their units, and of the stationarity of
+            the scaled program, at which a solve ends.
+        gap: absolute duality gap of the scaled program at which a solve ends; None does not ask for
+            any.
         max_iterations: of the outer loop; an infeasible program may never end by itself.
-        inner_iterations: of each inner loop. Feasible programs of walks need less than 100 steps of both together.
+        inner_iterations: of each inner loop. Feasible programs of walks need less than 100 steps of
+            both together.
     """
 
     _made_anew = ("_qp",)
@@ -170,7 +188,9 @@ class ProxQPSolver(PackageSolver):
         self._rows = tuple(field(self._record_, name) for name in ("inequality", "lower", "upper"))
 
     def _make_anew(self) -> None:
-        """A new object, which starts cold: a copy of ProxQP's own lacks its work space, and crashes."""
+        """A new object, which starts cold: a copy of ProxQP's own lacks its work space, and
+        crashes.
+        """
         super()._make_anew()
         proxqp, dense = self.library.proxqp, self.library.proxqp.dense
         self._qp = dense.QP(*self._shape, dense_backend=dense.DenseBackend.PrimalDualLDLT)
@@ -193,7 +213,9 @@ class ProxQPSolver(PackageSolver):
         warm = self._started and self.solution.status is QPStatus.SOLVED
         self._started = True
         status = self._attempt(program, warm=warm)
-        return self._attempt(program, warm=False) if warm and status is not QPStatus.SOLVED else status
+        return (
+            self._attempt(program, warm=False) if warm and status is not QPStatus.SOLVED else status
+        )
 
     def _attempt(self, program: QuadraticProgram, *, warm: bool) -> QPStatus:
         qp, proxqp = self._qp, self.library.proxqp
@@ -208,11 +230,17 @@ class ProxQPSolver(PackageSolver):
         self.solution._z_[:], self.solution.iterations = results.x, info.iter
         if info.status is proxqp.PROXQP_SOLVED:
             return QPStatus.SOLVED
-        return QPStatus.MAX_ITERATIONS if info.status is proxqp.PROXQP_MAX_ITER_REACHED else QPStatus.INFEASIBLE
+        return (
+            QPStatus.MAX_ITERATIONS
+            if info.status is proxqp.PROXQP_MAX_ITER_REACHED
+            else QPStatus.INFEASIBLE
+        )
 
 
 class DAQPSolver(PackageSolver):
-    """DAQP, a dual active-set method: few constraints are active, and finding them is faster than a warm start."""
+    """DAQP, a dual active-set method: few constraints are active, and finding them is faster than a
+    warm start.
+    """
 
     name: ClassVar[str] = "daqp"
     package: ClassVar[str] = "daqp"
@@ -236,13 +264,21 @@ class DAQPSolver(PackageSolver):
         else:
             problem = (p.inequality[p.bounded :], p.upper, p.lower)
         # Ticks of walks need tens of iterations.
-        z, _, flag, info = self.library.solve(p.hessian, p.gradient, *problem, self._sense.copy(), iter_limit=1000)
+        z, _, flag, info = self.library.solve(
+            p.hessian, p.gradient, *problem, self._sense.copy(), iter_limit=1000
+        )
         self._finished(z, info["iterations"], flag)
-        return QPStatus.SOLVED if flag > 0 else (QPStatus.MAX_ITERATIONS if flag == -4 else QPStatus.INFEASIBLE)
+        return (
+            QPStatus.SOLVED
+            if flag > 0
+            else (QPStatus.MAX_ITERATIONS if flag == -4 else QPStatus.INFEASIBLE)
+        )
 
 
 class PIQPSolver(PackageSolver):
-    """PIQP, dense: a proximal interior-point method, cold, which keeps its memory. Matrices go in by columns."""
+    """PIQP, dense: a proximal interior-point method, cold, which keeps its memory. Matrices go in
+    by columns.
+    """
 
     name: ClassVar[str] = "piqp"
     package: ClassVar[str] = "piqp"
@@ -264,19 +300,30 @@ class PIQPSolver(PackageSolver):
         lower = np.where(p.lower <= -UNBOUNDED, -1e30, p.lower)
         upper = np.where(p.upper >= UNBOUNDED, 1e30, p.upper)
         self._box[0, :bounded], self._box[1, :bounded] = lower[:bounded], upper[:bounded]
-        free = (lower[bounded:] == -1e30) & (upper[bounded:] == 1e30)  # PIQP would do the same, and print that it does
+        free = (lower[bounded:] == -1e30) & (
+            upper[bounded:] == 1e30
+        )  # PIQP would do the same, and print that it does
         self._rows[free], lower[bounded:][free], upper[bounded:][free] = 0.0, -1.0, 1.0
         call = self._solver.update if self._started else self._solver.setup
         equalities = (self._equality, p.equality_value) if len(p.equality_value) else (None, None)
         # H is symmetric: its transpose is the same matrix, stored by columns.
-        call(p.hessian.T, p.gradient, *equalities, self._rows, lower[bounded:], upper[bounded:], *self._box)
+        call(
+            p.hessian.T,
+            p.gradient,
+            *equalities,
+            self._rows,
+            lower[bounded:],
+            upper[bounded:],
+            *self._box,
+        )
         self._started = True
         outcome = self._solver.solve()
         return self._finished(self._solver.result.x, self._solver.result.info.iter, outcome)
 
 
 class OSQPSolver(PackageSolver):
-    """OSQP: an operator-splitting method for sparse programs, warm-started; the dense program goes in as it is.
+    """OSQP: an operator-splitting method for sparse programs, warm-started; the dense program goes
+    in as it is.
 
     Every entry counts as a non-zero, so that the pattern never changes.
     """
@@ -295,7 +342,9 @@ class OSQPSolver(PackageSolver):
     def _solve(self, program: QuadraticProgram) -> QPStatus:
         try:
             warm, status = self._started, self._attempt(program)
-            return self._attempt(program) if warm and not self._started else status  # its step size fitted the last one
+            return (
+                self._attempt(program) if warm and not self._started else status
+            )  # its step size fitted the last one
         except (self.library.OSQPException, ValueError):  # its factorisation refuses NaN
             self._started = False
             return QPStatus.INFEASIBLE
@@ -308,12 +357,16 @@ class OSQPSolver(PackageSolver):
         self._upper[:rows], self._upper[rows:] = p.upper, p.equality_value
         triangle, bounds = p.hessian[self._triangle], (self._lower, self._upper)
         if self._started:
-            self._solver.update(Px=triangle, Ax=self._rows.T.ravel(), q=p.gradient, l=self._lower, u=self._upper)
+            self._solver.update(
+                Px=triangle, Ax=self._rows.T.ravel(), q=p.gradient, l=self._lower, u=self._upper
+            )
         else:
             ones = csc_matrix((np.ones_like(triangle), self._triangle), shape=p.hessian.shape)
             hessian = csc_matrix((triangle, ones.indices, ones.indptr), shape=p.hessian.shape)
             pattern = csc_matrix(np.ones_like(self._rows))
-            matrix = csc_matrix((self._rows.T.ravel(), pattern.indices, pattern.indptr), shape=pattern.shape)
+            matrix = csc_matrix(
+                (self._rows.T.ravel(), pattern.indices, pattern.indptr), shape=pattern.shape
+            )
             self._solver = self.library.OSQP()
             settings = {"verbose": False, "eps_abs": 1e-6, "eps_rel": 0.0, "max_iter": 20_000}
             self._solver.setup(hessian, p.gradient, matrix, *bounds, **settings)
@@ -345,7 +398,9 @@ class ClarabelSolver(PackageSolver):
         settings = clarabel.DefaultSettings()
         settings.verbose = False
         hessian = csc_matrix(np.triu(p.hessian))
-        result = clarabel.DefaultSolver(hessian, p.gradient, csc_matrix(matrix), value, cones, settings).solve()
+        result = clarabel.DefaultSolver(
+            hessian, p.gradient, csc_matrix(matrix), value, cones, settings
+        ).solve()
         return self._finished(result.x, result.iterations, result.status)
 
 
@@ -368,7 +423,9 @@ class QuadprogSolver(PackageSolver):
         value[:n_eq], value[n_eq : n_eq + rows] = p.equality_value, p.lower
         np.negative(p.upper, out=value[n_eq + rows :])
         try:
-            z, _, _, iterations, *_ = self.library.solve_qp(p.hessian, -p.gradient, columns, value, n_eq)
+            z, _, _, iterations, *_ = self.library.solve_qp(
+                p.hessian, -p.gradient, columns, value, n_eq
+            )
         except ValueError:  # inconsistent constraints, or a Hessian that is not positive definite
             return QPStatus.INFEASIBLE
         return self._finished(z, iterations[0], "Solved")
@@ -401,7 +458,9 @@ def make_solver(name: str, program: QuadraticProgram) -> QPSolver:
     try:
         return SOLVERS[name](program)
     except ImportError as error:
-        raise InputError(f"no {name} ({error}): {install_line('compare')}", name="solver", value=name) from error
+        raise InputError(
+            f"no {name} ({error}): {install_line('compare')}", name="solver", value=name
+        ) from error
 
 
 def installed_solvers() -> tuple[str, ...]:

@@ -1,4 +1,6 @@
-"""What a whole-body problem is made of: weights of its tasks, limits of its constraints, targets of a tick."""
+"""What a whole-body problem is made of: weights of its tasks, limits of its constraints, targets of
+a tick.
+"""
 
 from __future__ import annotations
 
@@ -22,13 +24,15 @@ MAX_FRICTION = 10.0
 MAX_FACES = 64
 """Most faces of a friction pyramid: its cone is less than two thousandths wider."""
 MAX_WEIGHT = 1e6
-"""Largest weight of a task, and largest torque scale: beyond it the Hessian loses the lesser tasks to
-rounding."""
+"""Largest weight of a task, and largest torque scale: beyond it the Hessian loses the lesser tasks
+to rounding.
+"""
 
 
 @dataclass(frozen=True, kw_only=True)
 class WholeBodyWeights:
-    """Weights of the tasks, on squared accelerations (m/s², rad/s²) and forces (N); each at most 1e6.
+    """Weights of the tasks, on squared accelerations (m/s², rad/s²) and forces (N); each at most
+    1e6.
 
     Those that fit a robot depend on its mass and legs: :meth:`for_robot` has them.
 
@@ -63,9 +67,14 @@ class WholeBodyWeights:
 
     def __post_init__(self) -> None:
         for entry in fields(self):
-            checks.number(f"weight {entry.name}", getattr(self, entry.name), low=0.0, high=MAX_WEIGHT)
+            checks.number(
+                f"weight {entry.name}", getattr(self, entry.name), low=0.0, high=MAX_WEIGHT
+            )
         if min(self.posture, self.arms, self.thrust, self.force) <= 0.0:
-            message = "the weights of posture, arms, thrust and force must be positive: they make the optimum unique"
+            message = (
+                "the weights of posture, arms, thrust and force must be positive: they make "
+                "the optimum unique"
+            )
             raise InputError(message)
 
 
@@ -75,13 +84,15 @@ class WholeBodyLimits:
 
     Attributes:
         mu: friction coefficient of the ground, at most 10.
-        friction_share: share of μ that is used; what is left is for errors of μ, of the model, and for impacts.
+        friction_share: share of μ that is used; what is left is for errors of μ, of the model, and
+            for impacts.
         faces: of the friction pyramid, which is inscribed in the cone of that share; three to 64.
-        lateral_thrust: share of a free thruster's limit allowed along world x and y each; the rest of the box goes to
-            z, so that every point of it is within the limit.
+        lateral_thrust: share of a free thruster's limit allowed along world x and y each; the rest
+            of the box goes to z, so that every point of it is within the limit.
         torque_scale: share of the motors' peak torque used, at most 1e6.
-        give_way: share of a swing foot's weight that is left where motors are at their limits, above zero; there a
-            stance foot may also bear less than f_min (:mod:`harpy_pin.wbc.condensed.limits`). One: nothing gives way.
+        give_way: share of a swing foot's weight that is left where motors are at their limits,
+            above zero; there a stance foot may also bear less than f_min
+            (:mod:`harpy_pin.wbc.condensed.limits`). One: nothing gives way.
     """
 
     mu: float = 0.25
@@ -95,14 +106,18 @@ class WholeBodyLimits:
         checks.number("mu", self.mu, low=0.0, high=MAX_FRICTION)
         checks.number("friction_share", self.friction_share, low=0.0, high=1.0, strict=True)
         if checks.number("faces", self.faces, low=3.0, high=MAX_FACES) != int(self.faces):
-            raise InputError(f"faces must be a whole number, got {self.faces}", name="faces", value=self.faces)
+            raise InputError(
+                f"faces must be a whole number, got {self.faces}", name="faces", value=self.faces
+            )
         checks.number("lateral_thrust", self.lateral_thrust, low=0.0, high=0.7)
         checks.number("torque_scale", self.torque_scale, low=0.0, high=MAX_WEIGHT, strict=True)
         checks.number("give_way", self.give_way, low=0.0, high=1.0, strict=True)
 
     @property
     def inscribed(self) -> float:
-        """Radius of the circle inside the pyramid's section, relative to that of the cone around it."""
+        """Radius of the circle inside the pyramid's section, relative to that of the cone around
+        it.
+        """
         return float(np.cos(np.pi / self.faces))
 
     @property
@@ -114,7 +129,8 @@ class WholeBodyLimits:
 
 
 def thrust_box(robot: Robot, limits: WholeBodyLimits) -> tuple[Vector, Vector]:
-    """Least and largest value of each thrust variable, N: a box inside a free thruster's limit, a rotor's own limits.
+    """Least and largest value of each thrust variable, N: a box inside a free thruster's limit, a
+    rotor's own limits.
 
     Returns:
         (thrust variables,) lower and upper bounds.
@@ -127,28 +143,42 @@ def thrust_box(robot: Robot, limits: WholeBodyLimits) -> tuple[Vector, Vector]:
 
 
 @fixed_arrays(
-    "body", "feet", "force_range", "frame", "friction", "held", "joint_share", "joints", "orientation", "record"
+    "body",
+    "feet",
+    "force_range",
+    "frame",
+    "friction",
+    "held",
+    "joint_share",
+    "joints",
+    "orientation",
+    "record",
 )
 class WholeBodyTargets(KeepsViews):
-    """What the tasks ask for, and which feet are held: at first no motion, every foot held with any force.
+    """What the tasks ask for, and which feet are held: at first no motion, every foot held with any
+    force.
 
     Args:
         robot: gives the sizes.
         record: where they are kept, a part of a larger record, made by :func:`targets_record`.
 
     Attributes:
-        body: (3,) acceleration of the body's origin, world axes, m/s²; where ``centred`` its first two entries are that
-            of the centre of mass.
+        body: (3,) acceleration of the body's origin, world axes, m/s²; where ``centred`` its first
+            two entries are that of the centre of mass.
         orientation: (3,) angular acceleration of the body, body axes, rad/s².
-        feet: (feet, 3) accelerations of the feet, world axes, m/s²: a task in swing, a constraint in stance.
+        feet: (feet, 3) accelerations of the feet, world axes, m/s²: a task in swing, a constraint
+            in stance.
         joints: (joints,) accelerations of the posture task, rad/s².
-        joint_share: (joints,) by which the weight of each joint's task is multiplied: more near the end of its range.
-        held: (feet,) 1 where a foot is held on the ground, else 0; the same for all corners of a flat foot.
+        joint_share: (joints,) by which the weight of each joint's task is multiplied: more near the
+            end of its range.
+        held: (feet,) 1 where a foot is held on the ground, else 0; the same for all corners of a
+            flat foot.
         force_range: (feet, 2) f_min and f_max of each foot that is held, N.
-        friction: (feet,) friction coefficient of each foot where it is below that of the limits, such as an estimate;
-            infinite where there is none.
-        tilted: 1 where the ground is not level at every foot; then controllers express position, velocity, Jacobian,
-            drift, target and force of each foot in the frame of its contact, whose third axis is the normal.
+        friction: (feet,) friction coefficient of each foot where it is below that of the limits,
+            such as an estimate; infinite where there is none.
+        tilted: 1 where the ground is not level at every foot; then controllers express position,
+            velocity, Jacobian, drift, target and force of each foot in the frame of its contact,
+            whose third axis is the normal.
         frame: (feet, 3, 3) these frames (:mod:`harpy_pin.ground.contact_frame`).
         record: all of it, for kernels; the others are views of its fields, which have their names.
     """
@@ -202,10 +232,18 @@ def check_terms(robot: Robot, dynamics: Dynamics, targets: WholeBodyTargets) -> 
     terms = checks.instance("dynamics", dynamics, Dynamics)
     tasks = checks.instance("targets", targets, WholeBodyTargets)
     nv, feet, thrusts = robot.model.nv, len(robot.feet), robot.n_thrust
-    if (len(terms.bias), len(terms.foot_position), len(terms.thruster_jacobian)) != (nv, feet, thrusts):
-        raise InputError(f"dynamics must be of '{robot.name}', got that of '{terms.robot.name}'", name="dynamics")
+    if (len(terms.bias), len(terms.foot_position), len(terms.thruster_jacobian)) != (
+        nv,
+        feet,
+        thrusts,
+    ):
+        raise InputError(
+            f"dynamics must be of '{robot.name}', got that of '{terms.robot.name}'", name="dynamics"
+        )
     if (len(tasks.joints), len(tasks.held)) != (len(robot.joints), feet):
-        raise InputError(f"targets must be of '{robot.name}', got those of another robot", name="targets")
+        raise InputError(
+            f"targets must be of '{robot.name}', got those of another robot", name="targets"
+        )
 
 
 def targets_record(robot: Robot) -> Records[TargetsRecord]:

@@ -1,1 +1,3 @@
-"""The search for the planar gait: its cost, its optimisation, and whether it is periodic and stable."""
+"""The search for the planar gait: its cost, its optimisation, and whether it is periodic and
+stable.
+"""

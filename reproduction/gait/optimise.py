@@ -1,7 +1,8 @@
 """Search for a planar gait: CMA-ES from many starts, seeded, resumable.
 
-The search is a function of its seed and of the costs found so far, so a file of costs is all it takes to resume: the
-candidates are asked for again, and answered with their old costs, before the first new walk.
+The search is a function of its seed and of the costs found so far, so a file of costs is all it
+takes to resume: the candidates are asked for again, and answered with their old costs, before the
+first new walk.
 """
 
 from __future__ import annotations
@@ -21,12 +22,20 @@ from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
 from reproduction.gait.planar_gait import OptimisedGait, PlanarGait
 from reproduction.gait.planar_model import PlanarModel
-from reproduction.gait.search import HEIGHT_MARGIN, PITCH_MARGIN, SPEED_MARGIN, VARIATION_WEIGHT, PlanarTask
+from reproduction.gait.search import (
+    HEIGHT_MARGIN,
+    PITCH_MARGIN,
+    SPEED_MARGIN,
+    VARIATION_WEIGHT,
+    PlanarTask,
+)
 
 DRAWS = 60
 """Random gaits of which the best starts a run of CMA-ES."""
 WIDE, CLOSE = 0.25, 0.05
-"""First standard deviation of CMA-ES in the unit cube: from a random start, and around a given gait."""
+"""First standard deviation of CMA-ES in the unit cube: from a random start, and around a given
+gait.
+"""
 SAVE_EVERY = 200
 """Evaluations between two writings of the file to resume from."""
 
@@ -60,21 +69,24 @@ def optimise_gait(
         task: what varies and what is minimised; the default task by default.
         seed: of every random number drawn; NumPy's global generator is left alone.
         budget: walks to try in all, those of the resumed search included.
-        start: a gait to search around, instead of from random starts all over the bounds; its numbers that do not
-            vary are kept where the task fixes none.
-        spread: standard deviation of the first candidates around ``start``, as a share of the bounds.
-        resume: a JSON file, kept up to date during the search; where it exists, the search goes on from it.
+        start: a gait to search around, instead of from random starts all over the bounds; its
+            numbers that do not vary are kept where the task fixes none.
+        spread: standard deviation of the first candidates around ``start``, as a share of the
+            bounds.
+        resume: a JSON file, kept up to date during the search; where it exists, the search goes on
+            from it.
         command: how the search was asked for, kept in the record.
         on_progress: called after every walk.
 
     Returns:
-        The best gait, with its record. Ctrl-C ends the search early and keeps the best so far (``ending`` in the
-        record says so).
+        The best gait, with its record. Ctrl-C ends the search early and keeps the best so far
+        (``ending`` in the record says so).
 
     Raises:
         InputError: bad budget or seed.
         HarpyError: the package ``cma`` is not installed.
-        RunFileError: the file to resume from is damaged, belongs to another search, or cannot be written.
+        RunFileError: the file to resume from is damaged, belongs to another search, or cannot be
+            written.
     """
     chosen = task if task is not None else PlanarTask(model=PlanarModel.from_robot(robot))
     budget, seed = checks.whole("budget", budget, low=1), checks.whole("seed", seed)
@@ -124,11 +136,13 @@ def optimise_gait(
     return OptimisedGait(best_gait, record)
 
 
-def _candidates(dimension: int, seed: int, around: Vector | None, spread: float) -> Generator[Vector, float, None]:
+def _candidates(
+    dimension: int, seed: int, around: Vector | None, spread: float
+) -> Generator[Vector, float, None]:
     """Points of the unit cube to try, for ever; each is to be answered with its cost.
 
-    Each run of CMA-ES starts wide at the best of some random draws, or close around a point and then around the best
-    point so far.
+    Each run of CMA-ES starts wide at the best of some random draws, or close around a point and
+    then around the best point so far.
     """
     cma = _cma()
     rng = np.random.default_rng(seed)
@@ -171,7 +185,9 @@ def _cma() -> Any:
     try:
         import cma
     except ImportError as error:
-        raise HarpyError(f"the search for a gait needs the package 'cma': {install_line('gait')}") from error
+        raise HarpyError(
+            f"the search for a gait needs the package 'cma': {install_line('gait')}"
+        ) from error
     return cma
 
 
@@ -210,7 +226,8 @@ def _load_costs(path: Path, identity: dict[str, Any]) -> list[float]:
     if different:
         name = different[0]
         raise RunFileError(
-            f"'{path}' belongs to another search: its {name} is {shown(content.get(name))}, desired {identity[name]!r}",
+            f"'{path}' belongs to another search: its {name} is {shown(content.get(name))}, "
+            f"desired {identity[name]!r}",
             path=path,
         )
     return costs

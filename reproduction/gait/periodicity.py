@@ -1,8 +1,10 @@
-"""Periodicity and stability of a planar walk: the Poincaré map of one step at a fixed phase of its clock.
+"""Periodicity and stability of a planar walk: the Poincaré map of one step at a fixed phase of its
+clock.
 
-The walk is driven by a clock, so the section is a moment of the step, not an event. The state at the section is
-(z, pitch, four joint angles, seven velocities, four integrals of the joint PID): all that the next step depends on,
-x left out. After one step the legs change names, so that a walk of equal steps is a fixed point of the map.
+The walk is driven by a clock, so the section is a moment of the step, not an event. The state at
+the section is (z, pitch, four joint angles, seven velocities, four integrals of the joint PID): all
+that the next step depends on, x left out. After one step the legs change names, so that a walk of
+equal steps is a fixed point of the map.
 """
 
 from __future__ import annotations
@@ -28,7 +30,9 @@ SCALE = np.array([1.0] * 6 + [10.0] * 7 + [50.0] * 4)
 PHASE = 0.5
 """Of the section, as a share of the step: mid-step is far from both touchdown and lift-off."""
 DIFFERENCES = (1e-6, 3e-6, 1e-5, 3e-5)
-"""Steps of the central differences: the spread of the spectral radius over them is its error estimate."""
+"""Steps of the central differences: the spread of the spectral radius over them is its error
+estimate.
+"""
 
 
 class StepMap:
@@ -38,7 +42,8 @@ class StepMap:
         robot: Harpy on its free flyer, or its planar model.
         gait: the walk.
         ground: contact parameters.
-        joints: PID gains; with ``k_i`` zero the controller has no memory and the integrals stay as they are.
+        joints: PID gains; with ``k_i`` zero the controller has no memory and the integrals stay as
+            they are.
 
     Raises:
         InputError: the step is no whole number of ticks.
@@ -55,7 +60,9 @@ class StepMap:
         self.walk = PlanarWalk(robot, gait, ground=ground, joints=joints)
         ticks = gait.step_duration / self.walk.period
         if abs(ticks - round(ticks)) > 1e-6:
-            raise InputError("the step must last a whole number of ticks", name="gait", value=gait.step_duration)
+            raise InputError(
+                "the step must last a whole number of ticks", name="gait", value=gait.step_duration
+            )
         self.start = round(PHASE * ticks) * self.walk.period
         self.memory = any(self.walk.joints.k_i)
         self.size = 17 if self.memory else 13
@@ -91,7 +98,8 @@ class StepMap:
         return np.full(n, np.nan) if summary.fell else self._swapped(self._read())
 
     def jacobian(self, section: Vector, step: float = 1e-5) -> Vector:
-        """(n, n) derivative of the map by central differences of ``step`` times :data:`SCALE`, in units of it.
+        """(n, n) derivative of the map by central differences of ``step`` times :data:`SCALE`, in
+        units of it.
 
         Its eigenvalues have no units.
 
@@ -103,7 +111,9 @@ class StepMap:
         for i in range(n):
             shift = np.zeros(n)
             shift[i] = step * SCALE[i]
-            matrix[:, i] = (self(section + shift) - self(section - shift)) / (2.0 * step * SCALE[:n])
+            matrix[:, i] = (self(section + shift) - self(section - shift)) / (
+                2.0 * step * SCALE[:n]
+            )
         if not np.all(np.isfinite(matrix)):
             raise InputError(f"a state shifted by {step:g} falls within one step", name="section")
         return matrix
@@ -124,8 +134,11 @@ class Periodicity:
     residual: float  # largest entry of map(section) − section, in units of :data:`SCALE`
     spectral_radius: float  # median over the difference steps; below 1 the walk is locally stable
     spread: tuple[float, float]  # (2,) least and largest over the difference steps
-    eigenvalues: NDArray[np.complex128]  # (n,) at the difference step whose radius is the median, by magnitude
-    settled: float  # change of the section over the last step of the walk that led to it, in units of :data:`SCALE`
+    eigenvalues: NDArray[
+        np.complex128
+    ]  # (n,) at the difference step whose radius is the median, by magnitude
+    # change of the section over the last step of the walk that led to it, in units of :data:`SCALE`
+    settled: float
     memory: bool  # whether the state holds the integrals of the PID
 
     @property
@@ -143,13 +156,15 @@ def analyse_periodicity(
     settle: int = 600,
     newton: int = 20,
 ) -> Periodicity:
-    """Fixed point of the step map, by letting the walk settle and Newton's method, and its spectral radius.
+    """Fixed point of the step map, by letting the walk settle and Newton's method, and its spectral
+    radius.
 
     Args:
         robot: Harpy on its free flyer, or its planar model.
         gait: the walk.
         ground: contact parameters.
-        memory: keep the integral parts; without them the controller is a function of time and state alone.
+        memory: keep the integral parts; without them the controller is a function of time and state
+            alone.
         settle: steps to walk first; the integrals of the PID need hundreds, the motion some ten.
         newton: most iterations.
 

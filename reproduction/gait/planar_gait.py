@@ -1,7 +1,9 @@
-"""Parameters, targets and file of the planar walk: a 4th-order Bezier curve per foot, in body axes, by the clock.
+"""Parameters, targets and file of the planar walk: a 4th-order Bezier curve per foot, in body axes,
+by the clock.
 
-The paper's parametrisation (equations.md §3, rows "gait" and "gait optimisation") has P1 = P0 and P3 = P4 and only the
-middle point free: it is what :class:`PlanarGait` holds with every other number at its default.
+The paper's parametrisation (equations.md §3, rows "gait" and "gait optimisation") has P1 = P0 and
+P3 = P4 and only the middle point free: it is what :class:`PlanarGait` holds with every other number
+at its default.
 """
 
 from __future__ import annotations
@@ -25,10 +27,11 @@ from harpy_pin.model.state import Vector
 
 @dataclass(frozen=True, kw_only=True)
 class PlanarGait:
-    """A planar walk. Positions are relative to the body's origin, body axes, m; heights count downwards.
+    """A planar walk. Positions are relative to the body's origin, body axes, m; heights count
+    downwards.
 
-    Both legs follow the same curves, half a cycle apart. The stance foot goes from the front end to the back end, the
-    swing foot back. Nothing but the clock drives it.
+    Both legs follow the same curves, half a cycle apart. The stance foot goes from the front end to
+    the back end, the swing foot back. Nothing but the clock drives it.
 
     Raises:
         InputError: a number is not finite or out of its domain.
@@ -41,7 +44,9 @@ class PlanarGait:
     offset: float = 0.0  # how far the middle between the ends lies in front of the body
     swing_mid_x: float = 0.0  # of P2 of the swing, from that middle
     stance_mid_x: float = 0.0  # of P2 of the stance, from that middle
-    lift_x: float = 0.0  # P1 − P0 of the swing, forward; the foot's speed at lift-off is 4/duration of it
+    lift_x: float = (
+        0.0  # P1 − P0 of the swing, forward; the foot's speed at lift-off is 4/duration of it
+    )
     lift_z: float = 0.0  # P1 − P0 of the swing, upward
     land_x: float = 0.0  # P4 − P3 of the swing, forward
     land_z: float = 0.0  # P4 − P3 of the swing, upward
@@ -50,7 +55,8 @@ class PlanarGait:
     push_x: float = 0.0  # P4 − P3 of the stance, forward
     push_z: float = 0.0  # P4 − P3 of the stance, upward
     step_duration: float = 0.75  # T, one step, s
-    # δ, share of T in which both feet are planned on the ground (see :mod:`harpy_pin.gaits.straight`)
+    # δ, share of T in which both feet are planned on the ground (see
+    # :mod:`harpy_pin.gaits.straight`)
     double_support: float = 0.0
     speed: float = 0.3  # desired, m/s
     height: float = 0.6  # desired, m
@@ -60,12 +66,23 @@ class PlanarGait:
     start_pitch_rate: float = 0.0  # rad/s
 
     def __post_init__(self) -> None:
-        positive = ("half_step", "end_height", "swing_mid_height", "stance_mid_height", "step_duration", "height")
+        positive = (
+            "half_step",
+            "end_height",
+            "swing_mid_height",
+            "stance_mid_height",
+            "step_duration",
+            "height",
+        )
         for entry in fields(self):
             low = 0.0 if entry.name in (*positive, "double_support") else -np.inf
             high = 0.9 if entry.name == "double_support" else np.inf
             number = checks.number(
-                entry.name, getattr(self, entry.name), low=low, high=high, strict=entry.name in positive
+                entry.name,
+                getattr(self, entry.name),
+                low=low,
+                high=high,
+                strict=entry.name in positive,
             )
             checks.keep(self, **{entry.name: number})
 
@@ -89,7 +106,8 @@ class PlanarGait:
     @classmethod
     @checked
     def from_walk(cls, walk: GaitParameters) -> PlanarGait:
-        """The hand-made walk in the plane: feet that stand still on the ground and land with the ground's speed.
+        """The hand-made walk in the plane: feet that stand still on the ground and land with the
+        ground's speed.
 
         Args:
             walk: its sideways numbers are left out, and the bend of the swing.
@@ -124,11 +142,31 @@ class PlanarGait:
         """(2, 5, 2) control points (x, z) of stance and swing, body axes, m."""
         front, back = self.offset + self.half_step, self.offset - self.half_step
         points = np.zeros((2, 5, 2))
-        points[0, :, 0] = (front, front + self.load_x, self.offset + self.stance_mid_x, back - self.push_x, back)
-        points[1, :, 0] = (back, back + self.lift_x, self.offset + self.swing_mid_x, front - self.land_x, front)
+        points[0, :, 0] = (
+            front,
+            front + self.load_x,
+            self.offset + self.stance_mid_x,
+            back - self.push_x,
+            back,
+        )
+        points[1, :, 0] = (
+            back,
+            back + self.lift_x,
+            self.offset + self.swing_mid_x,
+            front - self.land_x,
+            front,
+        )
         points[:, :, 1] = -self.end_height
-        points[0, 1:4, 1] = self.load_z - self.end_height, -self.stance_mid_height, -self.end_height - self.push_z
-        points[1, 1:4, 1] = self.lift_z - self.end_height, -self.swing_mid_height, -self.end_height - self.land_z
+        points[0, 1:4, 1] = (
+            self.load_z - self.end_height,
+            -self.stance_mid_height,
+            -self.end_height - self.push_z,
+        )
+        points[1, 1:4, 1] = (
+            self.lift_z - self.end_height,
+            -self.swing_mid_height,
+            -self.end_height - self.land_z,
+        )
         return points
 
     @property
@@ -138,13 +176,17 @@ class PlanarGait:
 
 
 class PlanarGaitRecord(RecordOf, PlanarGait):
-    """The numbers of :class:`PlanarGait`, and its curves, (2, 5, 2) as :attr:`PlanarGait.curves` gives them."""
+    """The numbers of :class:`PlanarGait`, and its curves, (2, 5, 2) as :attr:`PlanarGait.curves`
+    gives them.
+    """
 
     curves: Vector
 
 
 @kernel(position=(2, 2), velocity=(2, 2), stance=(2, 2))
-def planar_targets(t: float, gait: PlanarGaitRecord, position: Vector, velocity: Vector, stance: Vector) -> None:
+def planar_targets(
+    t: float, gait: PlanarGaitRecord, position: Vector, velocity: Vector, stance: Vector
+) -> None:
     """Foot targets at time t ≥ 0. In even steps the left foot is in stance.
 
     Args:
@@ -152,7 +194,8 @@ def planar_targets(t: float, gait: PlanarGaitRecord, position: Vector, velocity:
         gait: element of a record with the fields of :attr:`PlanarGait.record`.
         position: (2, 2) out: left and right foot (x, z) in body axes, m.
         velocity: (2, 2) out, m/s.
-        stance: (2, 2) out: 1 where the foot is planned on the ground, else 0; share of its stance or swing done.
+        stance: (2, 2) out: 1 where the foot is planned on the ground, else 0; share of its stance
+            or swing done.
     """
     duration, double = gait.step_duration, gait.double_support
     index = int(np.floor(t / duration + 1e-9))
@@ -208,7 +251,11 @@ class OptimisedGait:
         """
         lines = [f"format = {FORMAT}", "", "[gait]"]
         lines += [f"{name} = {value!r}" for name, value in self.gait.as_dict().items()]
-        lines += ["", "[record]", *(f"{name} = {_toml(value)}" for name, value in self.record.items())]
+        lines += [
+            "",
+            "[record]",
+            *(f"{name} = {_toml(value)}" for name, value in self.record.items()),
+        ]
         with replacing(path) as file:
             file.write(("\n".join(lines) + "\n").encode())
 
@@ -221,21 +268,35 @@ def load_gait(path: str | Path | None = None) -> OptimisedGait:
         path: of a file that :meth:`OptimisedGait.save` has written; the packaged gait by default.
 
     Raises:
-        RunFileError: the file is missing, not TOML, or holds no planar gait; the message says which number is bad.
+        RunFileError: the file is missing, not TOML, or holds no planar gait; the message says which
+            number is bad.
     """
     source = PACKAGED_GAIT if path is None else Path(path)
     try:
         content = tomllib.loads(source.read_text(encoding="utf-8"))
     except OSError as error:
-        raise RunFileError(f"cannot read the gait '{source}': {error.strerror or error}", path=source) from error
-    except (ValueError, RecursionError) as error:  # of TOML, of its encoding, of numbers and lists beyond measure
+        raise RunFileError(
+            f"cannot read the gait '{source}': {error.strerror or error}", path=source
+        ) from error
+    except (
+        ValueError,
+        RecursionError,
+    ) as error:  # of TOML, of its encoding, of numbers and lists beyond measure
         raise RunFileError(f"'{source}' is not a TOML file: {error}", path=source) from error
     numbers, record = content.get("gait"), content.get("record", {})
-    if content.get("format") != FORMAT or not isinstance(numbers, dict) or not isinstance(record, dict):
-        raise RunFileError(f"'{source}' is no gait of format {FORMAT}: it needs 'format' and [gait]", path=source)
+    if (
+        content.get("format") != FORMAT
+        or not isinstance(numbers, dict)
+        or not isinstance(record, dict)
+    ):
+        raise RunFileError(
+            f"'{source}' is no gait of format {FORMAT}: it needs 'format' and [gait]", path=source
+        )
     for name, value in numbers.items():
         if isinstance(value, bool) or not isinstance(value, int | float):
-            raise RunFileError(f"'{source}': {name} must be a number, got {ascii(value)[:60]}", path=source)
+            raise RunFileError(
+                f"'{source}': {name} must be a number, got {ascii(value)[:60]}", path=source
+            )
     try:
         gait = PlanarGait.from_dict(numbers)
     except HarpyError as error:

@@ -1,8 +1,8 @@
 """The robot in the sagittal plane: every term of its equations of motion in one compiled pass.
 
 The numbers are those of the Pinocchio model of :func:`planar_robot`.
-Coordinates (x, z, pitch, left hip, left knee, right hip, right knee); velocities are their derivatives. Vectors in
-the plane are (x, z); a positive pitch turns z towards x.
+Coordinates (x, z, pitch, left hip, left knee, right hip, right knee); velocities are their
+derivatives. Vectors in the plane are (x, z); a positive pitch turns z towards x.
 """
 
 from __future__ import annotations
@@ -30,7 +30,8 @@ JOINT_TYPES = ["JointModelComposite", *["JointModelRY"] * 4]
 def planar_robot(robot: Robot) -> Robot:
     """A robot restricted to the plane y = 0.
 
-    The base's coordinates are (x, z, pitch), its velocities their derivatives, so q and v have the same length.
+    The base's coordinates are (x, z, pitch), its velocities their derivatives, so q and v have the
+    same length.
 
     Args:
         robot: a robot on a free flyer.
@@ -48,14 +49,20 @@ def planar_robot(robot: Robot) -> Robot:
     full = pin.buildModelFromUrdf(str(robot.urdf), base)
     for name in robot.joints:
         column = full.joints[full.getJointId(name)].idx_v
-        full.armature[column] = robot.model.armature[robot.model.joints[robot.model.getJointId(name)].idx_v]
-    model = pin.buildReducedModel(full, [full.getJointId(name) for name in LOCKED], np.zeros(full.nq))
+        full.armature[column] = robot.model.armature[
+            robot.model.joints[robot.model.getJointId(name)].idx_v
+        ]
+    model = pin.buildReducedModel(
+        full, [full.getJointId(name) for name in LOCKED], np.zeros(full.nq)
+    )
     model.gravity = robot.model.gravity
     return replace(robot, model=model)
 
 
 class PlanarModelRecord(EquationsRecord):
-    """A biped in the plane, and the terms of its equations of motion; links: the base, thigh and shin of each leg."""
+    """A biped in the plane, and the terms of its equations of motion; links: the base, thigh and
+    shin of each leg.
+    """
 
     link_mass: Vector  # (5,) kg
     centre: Vector  # (5, 2) centre of mass (x, z) of each link in its frame, m
@@ -73,10 +80,13 @@ class PlanarModel:
 
     robot: Robot  # the robot on a free flyer that it was made from
     planar: Robot  # the same robot in the plane, as :func:`planar_robot` gives it
-    # the model and the terms of its equations of motion, for kernels; who evaluates terms takes a copy. Links are base,
+    # the model and the terms of its equations of motion, for kernels; who evaluates terms takes a
+    # copy. Links are base,
     # left thigh, left shank, right thigh, right shank. The terms have the names and axes of
-    # :class:`~harpy_pin.model.dynamics.Dynamics`, with nothing along y: mass_matrix (7, 7), bias (7,), foot_jacobian
-    # (6, 7), foot_drift (6,), foot_position (2, 3), and thruster_jacobian (3, 7) of the mounts, which lie on one line
+    # :class:`~harpy_pin.model.dynamics.Dynamics`, with nothing along y: mass_matrix (7, 7), bias
+    # (7,), foot_jacobian
+    # (6, 7), foot_drift (6,), foot_position (2, 3), and thruster_jacobian (3, 7) of the mounts,
+    # which lie on one line
     # across the plane.
     record: Records[PlanarModelRecord]
 
@@ -89,19 +99,29 @@ class PlanarModel:
             robot: a biped with thrusters, its hips and knees turning about y.
 
         Raises:
-            RobotError: its planar model is not a base with two legs of hip and knee, or the thrusters do not lie on
-                one line across the plane.
+            RobotError: its planar model is not a base with two legs of hip and knee, or the
+                thrusters do not lie on one line across the plane.
         """
         planar = planar_robot(robot)
         model = planar.model
         names = [model.joints[j].shortname() for j in range(1, model.njoints)]
         if names != JOINT_TYPES or len(planar.feet) != 2:
-            raise RobotError(f"'{robot.name}' is no biped with hip and knee in the plane: joints {names}")
+            raise RobotError(
+                f"'{robot.name}' is no biped with hip and knee in the plane: joints {names}"
+            )
         inertias = [model.inertias[k + 1] for k in range(5)]
-        feet = [model.frames[planar.frame_id(name)].placement.translation[[0, 2]] for name in planar.feet]
-        mounts = [model.frames[planar.frame_id(name)].placement.translation[[0, 2]] for name in planar.thrusters]
+        feet = [
+            model.frames[planar.frame_id(name)].placement.translation[[0, 2]]
+            for name in planar.feet
+        ]
+        mounts = [
+            model.frames[planar.frame_id(name)].placement.translation[[0, 2]]
+            for name in planar.thrusters
+        ]
         if any(np.any(np.abs(mount - mounts[0]) > 1e-12) for mount in mounts):
-            raise RobotError(f"the thrusters of '{robot.name}' do not lie on one line across the plane")
+            raise RobotError(
+                f"the thrusters of '{robot.name}' do not lie on one line across the plane"
+            )
         record = make_record(
             PlanarModelRecord,
             {"nv": NV, "feet": 2, "thrusts": 3},
@@ -124,10 +144,12 @@ class PlanarModel:
 
     @checked
     def terms(self, q: Vector, v: Vector) -> dict[str, Vector]:
-        """Every term of the equations of motion at a state, by the names of the fields of :attr:`record`.
+        """Every term of the equations of motion at a state, by the names of the fields of
+        :attr:`record`.
 
         Args:
-            q: (7,) configuration in the plane: x and z of the base (m), its pitch, then hip and knee of each leg (rad).
+            q: (7,) configuration in the plane: x and z of the base (m), its pitch, then hip and
+                knee of each leg (rad).
             v: (7,) its rate, m/s and rad/s.
         """
         record = self.record.copy()
@@ -160,7 +182,10 @@ def planar_terms(q: Vector, v: Vector, d: PlanarModelRecord) -> None:
             rx, rz = _turned(angle[parent], d.origin[k])
             squared = rate[parent] * rate[parent]
             origin[k, 0], origin[k, 1] = origin[parent, 0] + rx, origin[parent, 1] + rz
-            drift[k, 0], drift[k, 1] = drift[parent, 0] - squared * rx, drift[parent, 1] - squared * rz
+            drift[k, 0], drift[k, 1] = (
+                drift[parent, 0] - squared * rx,
+                drift[parent, 1] - squared * rz,
+            )
             angle[k], rate[k] = angle[parent] + q[2 + k], rate[parent] + v[2 + k]
         squared = rate[k] * rate[k]
         rx, rz = _turned(angle[k], d.centre[k])
@@ -193,7 +218,9 @@ def _turned(angle: float, point: Vector) -> tuple[float, float]:
 
 @kernel
 def _add_link(k: int, ax: float, az: float, jacobian: Vector, d: PlanarModelRecord) -> None:
-    """Mass and bias of link k, from the Jacobian of its centre of mass and its acceleration, less gravity."""
+    """Mass and bias of link k, from the Jacobian of its centre of mass and its acceleration, less
+    gravity.
+    """
     mass = d.link_mass[k]
     for i in range(NV):
         d.bias[i] += mass * (jacobian[0, i] * ax + jacobian[2, i] * az)
@@ -214,7 +241,9 @@ def _turns(link: int, column: int) -> bool:
 
 @kernel
 def _point_jacobian(link: int, x: float, z: float, origin: Vector, out: Vector) -> None:
-    """(3, 7) Jacobian of a point of a link; a turn by dθ about a pivot moves the point by (r_z, −r_x) dθ."""
+    """(3, 7) Jacobian of a point of a link; a turn by dθ about a pivot moves the point by (r_z,
+    −r_x) dθ.
+    """
     out[:] = 0.0
     out[0, 0] = 1.0
     out[2, 1] = 1.0

@@ -1,7 +1,7 @@
 """The planar walk in closed loop, compiled as a whole: a walk of ten steps takes about 40 ms.
 
-Its controller is a clock, closed-form inverse kinematics and a joint PID. The physics step is that of the robot in
-space, with the terms of :mod:`reproduction.gait.planar_model`.
+Its controller is a clock, closed-form inverse kinematics and a joint PID. The physics step is that
+of the robot in space, with the terms of :mod:`reproduction.gait.planar_model`.
 """
 
 from __future__ import annotations
@@ -29,10 +29,15 @@ MAX_JOINT_RATE = 20.0
 
 @dataclass(frozen=True, kw_only=True)
 class PlanarJoints:
-    """PID of hips and knees (equations.md §3, "joint PID"; the derivative gains are what a 1 ms hold bears)."""
+    """PID of hips and knees (equations.md §3, "joint PID"; the derivative gains are what a 1 ms
+    hold bears).
+    """
 
     k_p: tuple[float, float] = (1000.0, 1000.0)  # (hip, knee), N·m/rad
-    k_i: tuple[float, float] = (20.0, 20.0)  # N·m/(rad·s); zero leaves the controller without memory
+    k_i: tuple[float, float] = (
+        20.0,
+        20.0,
+    )  # N·m/(rad·s); zero leaves the controller without memory
     k_d: tuple[float, float] = (10.0, 3.0)  # N·m·s/rad
     integral_limit: float = 4.0  # largest torque of the integral part, N·m
 
@@ -43,7 +48,9 @@ class PlanarJoints:
 
 
 class PlanarWalkRecord(PlanarGaitRecord, PlanarJoints):
-    """What :func:`planar_control` knows and writes, besides the numbers of the gait and of the PID."""
+    """What :func:`planar_control` knows and writes, besides the numbers of the gait and of the
+    PID.
+    """
 
     period: float  # between ticks, s
     integral: Vector = sized(4)  # (4,) integral part of the joint torques, N·m
@@ -52,13 +59,17 @@ class PlanarWalkRecord(PlanarGaitRecord, PlanarJoints):
     torque: Vector = sized(4)  # (4,) of the command, N·m
 
 
-def walk_record(gait: PlanarGait, joints: PlanarJoints, *, period: float) -> Records[PlanarWalkRecord]:
+def walk_record(
+    gait: PlanarGait, joints: PlanarJoints, *, period: float
+) -> Records[PlanarWalkRecord]:
     """A new :class:`PlanarWalkRecord`."""
     return make_record(PlanarWalkRecord, period=period, **asdict(joints), **fields(gait.record))
 
 
 @kernel(q=(7,), v=(7,))
-def planar_control(t: float, q: Vector, v: Vector, walk: PlanarWalkRecord, model: PlanarModelRecord) -> None:
+def planar_control(
+    t: float, q: Vector, v: Vector, walk: PlanarWalkRecord, model: PlanarModelRecord
+) -> None:
     """One tick: joint torques.
 
     Args:
@@ -74,7 +85,9 @@ def planar_control(t: float, q: Vector, v: Vector, walk: PlanarWalkRecord, model
         error = walk.target[i] - q[3 + i]
         walk.integral[i] += walk.k_i[i % 2] * error * walk.period
         walk.integral[i] = min(max(walk.integral[i], -limit), limit)
-        walk.torque[i] = walk.k_p[i % 2] * error + walk.integral[i] + walk.k_d[i % 2] * (walk.rate[i] - v[3 + i])
+        walk.torque[i] = (
+            walk.k_p[i % 2] * error + walk.integral[i] + walk.k_d[i % 2] * (walk.rate[i] - v[3 + i])
+        )
 
 
 @kernel
@@ -90,7 +103,9 @@ def joint_targets(t: float, walk: PlanarWalkRecord, model: PlanarModelRecord) ->
 
 
 @kernel
-def _place_leg(k: int, position: Vector, velocity: Vector, walk: PlanarWalkRecord, model: PlanarModelRecord) -> None:
+def _place_leg(
+    k: int, position: Vector, velocity: Vector, walk: PlanarWalkRecord, model: PlanarModelRecord
+) -> None:
     """Targets and rates of hip and knee that put foot k where it should be in body axes."""
     hip, upper, lower = model.origin[1 + 2 * k], -model.origin[2 + 2 * k, 1], -model.foot[k, 1]
     x, drop = position[0] - hip[0], hip[1] - position[1]
@@ -133,7 +148,8 @@ class PlanarSummary:
     slip: float  # path of the touching feet along the ground, mm per step
     torque_max: float  # largest joint torque, N·m
     force_rms_x: float  # root mean square of the ground's force along x, N
-    variation: float  # root mean square change of the pitch from one mid-step to the next, later half of the run, rad
+    # root mean square change of the pitch from one mid-step to the next, later half of the run, rad
+    variation: float
 
 
 class PlanarWalk(KeepsViews):
@@ -180,7 +196,9 @@ class PlanarWalk(KeepsViews):
         return float(self.model.mass * self._model["gravity"][0] / (2.0 * self.ground.stiffness))
 
     def initial_state(self) -> tuple[Vector, Vector]:
-        """Configuration (7,) and velocity (7,) at t = 0: joints on their targets, the lower foot in the ground."""
+        """Configuration (7,) and velocity (7,) at t = 0: joints on their targets, the lower foot in
+        the ground.
+        """
         g, q, v = self.gait, np.zeros(NV), np.zeros(NV)
         joint_targets(0.0, self._walk[0], self._model[0])
         q[2], q[3:] = g.start_pitch, field(self._walk, "target")
@@ -188,7 +206,9 @@ class PlanarWalk(KeepsViews):
         q[1] = -float(self.model.terms(q, v)["foot_position"][:, 2].min()) - self.static_penetration
         return q, v
 
-    def reset(self, q: ArrayLike, v: ArrayLike, *, integral: ArrayLike | None = None, t: float = 0.0) -> None:
+    def reset(
+        self, q: ArrayLike, v: ArrayLike, *, integral: ArrayLike | None = None, t: float = 0.0
+    ) -> None:
         """Put the walk in a state; contact forces start at zero.
 
         Args:
@@ -217,7 +237,18 @@ class PlanarWalk(KeepsViews):
         self.log = np.zeros((ticks if log else 0, 25))
         sums = make_record(SumsRecord)
         start = self.q[0]
-        done = _run(self.t, ticks, self.q, self.v, self._walk, self._model, self._ground, self._step, self.log, sums)
+        done = _run(
+            self.t,
+            ticks,
+            self.q,
+            self.v,
+            self._walk,
+            self._model,
+            self._ground,
+            self._step,
+            self.log,
+            sums,
+        )
         self.log = self.log[:done]
         self.t += done * self.period
         walked, n = done * self.period, max(done, 1)
@@ -247,7 +278,8 @@ class SumsRecord(RecordOf):
         pitch_max, torque_max: largest magnitudes, rad and N·m.
         force: squared force along x, N².
         slip: path of touching feet, m.
-        pitch_change, changes: sum of the squared changes from one mid-step to the next, rad², and how many.
+        pitch_change, changes: sum of the squared changes from one mid-step to the next, rad², and
+            how many.
         height_min, height_max: m.
         pitch: at the last mid-step, rad.
         foot_x: (2,) of the last step, m.
@@ -327,8 +359,8 @@ def planar_step(
         v: (7,) velocity, in and out.
         torque: (4,) joint torques, N·m.
         thrust: (3,) sum of the thrusts, world axes, N.
-        model: a copy of :attr:`~reproduction.gait.planar_model.PlanarModel.record`; out: terms at the start of the
-            step.
+        model: a copy of :attr:`~reproduction.gait.planar_model.PlanarModel.record`; out: terms at
+            the start of the step.
         ground: :attr:`harpy_pin.ground.ground.Ground.record`.
         step: see :func:`harpy_pin.simulation.step.step_record`.
 
@@ -343,7 +375,9 @@ def planar_step(
 
 
 @kernel
-def _add_slip(k: int, touched: bool, d: PlanarModelRecord, s: StepRecord, total: SumsRecord) -> None:
+def _add_slip(
+    k: int, touched: bool, d: PlanarModelRecord, s: StepRecord, total: SumsRecord
+) -> None:
     """Path of a foot that touched before and after the step."""
     x = d.foot_position[k, 0]
     if touched and s.force[3 * k + 2] > 0.0:

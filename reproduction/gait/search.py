@@ -1,4 +1,6 @@
-"""What the search for a planar gait varies and what it minimises (equations.md §3, row "gait optimisation")."""
+"""What the search for a planar gait varies and what it minimises (equations.md §3, row "gait
+optimisation").
+"""
 
 from __future__ import annotations
 
@@ -22,7 +24,11 @@ from reproduction.gait.spatial import SpatialGait
 
 Bounds = Mapping[str, tuple[float, float]]
 
-PAPER: Bounds = {"half_step": (0.01, 0.2), "swing_mid_height": (0.45, 0.55), "stance_mid_height": (0.55, 0.7)}
+PAPER: Bounds = {
+    "half_step": (0.01, 0.2),
+    "swing_mid_height": (0.45, 0.55),
+    "stance_mid_height": (0.55, 0.7),
+}
 PLACE: Bounds = {"end_height": (0.57, 0.64), "offset": (-0.08, 0.08)}
 START: Bounds = {
     "start_vx": (-0.2, 0.8),
@@ -57,12 +63,15 @@ SEARCHES: dict[str, Bounds] = {
     "ends": {**PAPER, **PLACE, **START, **MIDDLE, **ENDS, "swing_mid_height": (0.4, 0.6)},
     "overlap": {**PAPER, **PLACE, **START, **MIDDLE, **ENDS, **OVERLAP},
 }
-"""Sets of numbers to vary, with their bounds. ``paper`` is what the paper prints; ``middle`` and all before it keep
-its P1 = P0 and P3 = P4; ``ends`` frees the feet's velocities at both ends; ``overlap`` adds a planned double support
-and the wider bounds that it needs."""
+"""Sets of numbers to vary, with their bounds. ``paper`` is what the paper prints; ``middle`` and
+all before it keep its P1 = P0 and P3 = P4; ``ends`` frees the feet's velocities at both ends;
+``overlap`` adds a planned double support and the wider bounds that it needs.
+"""
 
 SPEED_MARGIN, HEIGHT_MARGIN, PITCH_MARGIN = 0.01, 0.02, 0.12
-"""Deviations of the mean speed, m/s, and at any time of the height, m, and of the pitch, rad, that cost nothing."""
+"""Deviations of the mean speed, m/s, and at any time of the height, m, and of the pitch, rad, that
+cost nothing.
+"""
 VARIATION_WEIGHT = 20.0
 """Per rad of :attr:`PlanarSummary.variation`: a walk whose steps are alike is likely stable."""
 WORST = 20.0
@@ -77,8 +86,9 @@ MIN_OF_FALLS = 30.0
 class PlanarTask:
     """A planar walk to be found: how it is run and judged.
 
-    A walk that falls costs 30 and 60 times the share of the time that the fall took away; one that does not costs
-    the paper's average plus what lies outside the desired bounds, slip, and steps that differ.
+    A walk that falls costs 30 and 60 times the share of the time that the fall took away; one that
+    does not costs the paper's average plus what lies outside the desired bounds, slip, and steps
+    that differ.
     """
 
     model: PlanarModel  # the robot in the plane
@@ -89,7 +99,8 @@ class PlanarTask:
     # static friction coefficients of the grounds that a gait has to walk on; the worst one counts
     friction: tuple[float, ...] = (0.25,)
     slip_weight: float = 0.05  # per mm of slip per step beyond 1 mm
-    # a further cost of a gait, such as that of its walk in space; asked only for gaits that cost less than 5 in the
+    # a further cost of a gait, such as that of its walk in space; asked only for gaits that cost
+    # less than 5 in the
     # plane, all others cost 100 more
     extra: Callable[[PlanarGait], float] | None = None
     extra_name: str = ""  # what it is, kept in the record
@@ -98,9 +109,13 @@ class PlanarTask:
         checks.one_of("search", self.search, SEARCHES)
         for entry in fields(self):
             if entry.name not in ("model", "search", "fixed", "friction", "extra", "extra_name"):
-                checks.number(entry.name, getattr(self, entry.name), low=0.0, strict=entry.name == "duration")
+                checks.number(
+                    entry.name, getattr(self, entry.name), low=0.0, strict=entry.name == "duration"
+                )
         if not self.friction:
-            raise InputError("the search needs a friction coefficient", name="friction", value=self.friction)
+            raise InputError(
+                "the search needs a friction coefficient", name="friction", value=self.friction
+            )
         for mu in self.friction:
             checks.number("friction", mu, low=0.0, high=checks.MAX_FRICTION, strict=True)
         PlanarGait.from_dict(dict(self.fixed))
@@ -132,7 +147,8 @@ class PlanarTask:
             x: (numbers that vary,) each from 0 to 1.
         """
         numbers = {
-            name: low + (high - low) * float(u) for u, (name, (low, high)) in zip(x, self.bounds.items(), strict=True)
+            name: low + (high - low) * float(u)
+            for u, (name, (low, high)) in zip(x, self.bounds.items(), strict=True)
         }
         return PlanarGait(**{**self.fixed, **numbers})
 
@@ -142,7 +158,10 @@ class PlanarTask:
         Args:
             gait: to be walked.
         """
-        return [PlanarWalk(self.model, gait, ground=ground).run(self.duration) for ground in self.grounds]
+        return [
+            PlanarWalk(self.model, gait, ground=ground).run(self.duration)
+            for ground in self.grounds
+        ]
 
     def evaluate(self, gait: PlanarGait) -> float:
         """Cost of a gait: that of its worst trial walk, and the further cost where there is one.
@@ -178,7 +197,9 @@ class PlanarTask:
 
 @dataclass(frozen=True, kw_only=True)
 class SpaceCost:
-    """Slip of the governed walk in space that a planar gait gives, in mm, and what lies outside the desired bounds."""
+    """Slip of the governed walk in space that a planar gait gives, in mm, and what lies outside the
+    desired bounds.
+    """
 
     robot: Robot  # Harpy
     width: float = 0.125  # lateral distance of each foot from the path, m
@@ -193,7 +214,10 @@ class SpaceCost:
     @property
     def name(self) -> str:
         """What the cost is, for the record of a search."""
-        return f"governed walk, width {self.width:g} m, friction {self.friction:g}, {self.duration:g} s"
+        return (
+            f"governed walk, width {self.width:g} m, friction {self.friction:g}, "
+            f"{self.duration:g} s"
+        )
 
     def walk(self, planar: PlanarGait) -> Measures:
         """Measures of the governed walk.
@@ -201,12 +225,18 @@ class SpaceCost:
         Raises:
             HarpyError: the gait cannot be walked in space.
         """
-        gait = SpatialGait(self.robot, planar, width=self.width, reference="planar", friction=self.friction)
+        gait = SpatialGait(
+            self.robot, planar, width=self.width, reference="planar", friction=self.friction
+        )
         ground = Ground(mu_s=self.friction)
-        return measure(walk(Scenario(controller=Governed(), ground=ground, duration=self.duration), gait=gait))
+        return measure(
+            walk(Scenario(controller=Governed(), ground=ground, duration=self.duration), gait=gait)
+        )
 
     def __call__(self, planar: PlanarGait) -> float:
-        """Late slip and a quarter of all slip, in mm per step, and penalties on speed, pitch and normal force."""
+        """Late slip and a quarter of all slip, in mm per step, and penalties on speed, pitch and
+        normal force.
+        """
         try:
             m = self.walk(planar)
         except HarpyError:

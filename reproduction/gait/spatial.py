@@ -1,4 +1,6 @@
-"""The planar gait in three dimensions: the same curves, with the feet to the side and a swaying body."""
+"""The planar gait in three dimensions: the same curves, with the feet to the side and a swaying
+body.
+"""
 
 from __future__ import annotations
 
@@ -32,14 +34,17 @@ class SpatialGait(StraightGait):
     Args:
         robot: a biped of Harpy's kind on its free flyer.
         planar: the planar gait.
-        width: lateral distance of each foot from the path, m; the paper's is 0.15, narrower slips less.
-        reference: what the body's target does along x and z: ``constant`` is the gait's speed and height (the paper),
-            ``planar`` the motion that the planar walk settles into, so that thrust along x and z only corrects.
+        width: lateral distance of each foot from the path, m; the paper's is 0.15, narrower slips
+            less.
+        reference: what the body's target does along x and z: ``constant`` is the gait's speed and
+            height (the paper), ``planar`` the motion that the planar walk settles into, so that
+            thrust along x and z only corrects.
         settle: steps of the planar walk before that motion is read.
         friction: static friction coefficient of the planar walk that it is read from.
 
     Raises:
-        InputError: unknown reference, a target is out of reach, or the planar walk falls before it has settled.
+        InputError: unknown reference, a target is out of reach, or the planar walk falls before it
+            has settled.
     """
 
     constant = True
@@ -79,7 +84,9 @@ class SpatialGait(StraightGait):
 
     def _follow_planar(self) -> None:
         """Put the planar curves in the place of the hand-made ones."""
-        for curve, points in zip((self.stance_curve, self.swing_curve), self._spatial_curves, strict=True):
+        for curve, points in zip(
+            (self.stance_curve, self.swing_curve), self._spatial_curves, strict=True
+        ):
             curve[:, 0] = points[:, 0]
             curve[:, 2] = points[:, 1]
 
@@ -100,11 +107,15 @@ class SpatialGait(StraightGait):
         return target
 
     def calls(self, state: State) -> None:
-        """See :class:`~harpy_pin.gaits.gait.Gait`: its targets are not those of the kernel alone."""
+        """See :class:`~harpy_pin.gaits.gait.Gait`: its targets are not those of the kernel
+        alone.
+        """
 
     @checked
     def initial_state(self, *, penetration: float = 0.0) -> tuple[Vector, Vector]:
-        """See :meth:`~harpy_pin.gaits.gait.Gait.initial_state`: the planar walk's, with the sideways part added."""
+        """See :meth:`~harpy_pin.gaits.gait.Gait.initial_state`: the planar walk's, with the
+        sideways part added.
+        """
         model, p = self.robot.model, self.planar
         pitch, speeds = p.start_pitch, np.array([p.start_vx, p.start_vz, p.start_pitch_rate])
         x = 0.0
@@ -123,27 +134,35 @@ class SpatialGait(StraightGait):
         return q, v
 
     def _read_motion(self, robot: Robot, settle: int, friction: float) -> None:
-        """Table of x (less its drift), z, ẋ, ż over two steps of the settled planar walk, as a periodic motion."""
+        """Table of x (less its drift), z, ẋ, ż over two steps of the settled planar walk, as a
+        periodic motion.
+        """
         walk = PlanarWalk(PlanarModel.from_robot(robot), self.planar, ground=Ground(mu_s=friction))
         summary = walk.run(settle * self.parameters.step_duration)
         if not summary.fell:
             self._start = (walk.q.copy(), walk.v.copy())
             summary = walk.run(2.0 * self.parameters.step_duration, log=True)
         if summary.fell:
-            raise InputError(f"the planar walk falls before it has settled for {settle} steps", name="planar")
+            raise InputError(
+                f"the planar walk falls before it has settled for {settle} steps", name="planar"
+            )
         period = 2.0 * self.parameters.step_duration
         t, q, v = walk.log[:, 0], walk.log[:, 1:8], walk.log[:, 8:15]
         t, x = t - t[0], np.append(q[:, 0], walk.q[0])
         self._drift = float((x[-1] - x[0]) / period)
         rows = np.linspace(0.0, period, SAMPLES)
         columns = (q[:, 0] - q[0, 0] - self._drift * t, q[:, 1], v[:, 0], v[:, 1])
-        self._table = np.stack([np.interp(rows, t, column, period=period) for column in columns], axis=1)
+        self._table = np.stack(
+            [np.interp(rows, t, column, period=period) for column in columns], axis=1
+        )
 
 
 GAITS = ("hand", "optimised", "paper-curves")
-"""``hand``: the library's own straight walk. ``optimised``: a planar gait that walks without thrust, refined for the
-governed walk in space. ``paper-curves``: one with the paper's own curve shape, P1 = P0 and P3 = P4, found for friction
-0.8, in space as the paper prints it: feet at ±0.15 m, the body's target at constant speed and height."""
+"""``hand``: the library's own straight walk. ``optimised``: a planar gait that walks without
+thrust, refined for the governed walk in space. ``paper-curves``: one with the paper's own curve
+shape, P1 = P0 and P3 = P4, found for friction 0.8, in space as the paper prints it: feet at ±0.15
+m, the body's target at constant speed and height.
+"""
 
 
 def make_named_gait(robot: Robot, name: str) -> StraightGait:
@@ -160,5 +179,7 @@ def make_named_gait(robot: Robot, name: str) -> StraightGait:
     if name == "hand":
         return make_gait(robot)
     if name == "paper-curves":
-        return SpatialGait(robot, load_gait(PAPER_CURVES_GAIT).gait, width=0.15, reference="constant")
+        return SpatialGait(
+            robot, load_gait(PAPER_CURVES_GAIT).gait, width=0.15, reference="constant"
+        )
     return SpatialGait(robot, load_gait(SPACE_GAIT).gait, width=0.125, reference="planar")

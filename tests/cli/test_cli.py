@@ -20,7 +20,9 @@ from harpy_pin.scenario.settings import scenario_of, settings_table
 
 
 def test_walk_writes_log_and_json(command, tmp_path):
-    code, out, _ = command("walk", "--duration", 0.4, "--save", tmp_path / "a.npz", "--json", tmp_path / "a.json")
+    code, out, _ = command(
+        "walk", "--duration", 0.4, "--save", tmp_path / "a.npz", "--json", tmp_path / "a.json"
+    )
     assert (code, out.splitlines()[-1]) == (0, f"next: harpy view {tmp_path / 'a.npz'}")
     assert "slip, mm per step" in out
     run = hp.Run.load(tmp_path / "a.npz")
@@ -50,7 +52,9 @@ def test_a_walk_goes_where_it_is_told(command, tmp_path):
     np.testing.assert_array_equal(hp.Run.load(second)["q"], run["q"])
 
 
-@pytest.mark.parametrize("setting", ["governor=paper", "thrust=false", "evaluate_at=tracked", "legs=feedforward"])
+@pytest.mark.parametrize(
+    "setting", ["governor=paper", "thrust=false", "evaluate_at=tracked", "legs=feedforward"]
+)
 def test_a_setting_of_the_governed_controller_chooses_it(setting):
     assert read_scenario([f"controller.{setting}"], friction=0.8).controller.name == "governed"
 
@@ -69,16 +73,37 @@ def test_every_controller_walks_in_mujoco(command, tmp_path, controller):
 
 def test_options_are_the_scenario():
     settings = (
-        *("controller=wbc", "controller.mu=0.3", "controller.estimate_friction=true", "controller.weights.swing=0.5"),
-        *("ground.cone=per_axis", "ground.slope=0.03", "ground.friction_strips=[0.6,1.2,0.15],[1.5,2,0.05]"),
-        *("dt=0.00025", "disturbances.mass_error=0.05", "disturbances.noise=0.5", "disturbances.delay=0.002"),
+        *(
+            "controller=wbc",
+            "controller.mu=0.3",
+            "controller.estimate_friction=true",
+            "controller.weights.swing=0.5",
+        ),
+        *(
+            "ground.cone=per_axis",
+            "ground.slope=0.03",
+            "ground.friction_strips=[0.6,1.2,0.15],[1.5,2,0.05]",
+        ),
+        *(
+            "dt=0.00025",
+            "disturbances.mass_error=0.05",
+            "disturbances.noise=0.5",
+            "disturbances.delay=0.002",
+        ),
         *("disturbances.seed=3", "disturbances.actuators.torque_share=0.9"),
         "gait.stiffness=9000",
     )
     push = ["0.05:0,2,-1", "0.1:1.5,0,0"]
     assert read_scenario(settings, friction=0.6, speed=0.2, push=push, duration=0.2) == hp.Scenario(
-        controller=hp.WholeBody(parameters={"estimate_friction": True, "weights": {"swing": 0.5}}, mu=0.3),
-        ground=hp.Ground(mu_s=0.6, cone="per_axis", friction_strips=((0.6, 1.2, 0.15), (1.5, 2.0, 0.05)), slope=0.03),
+        controller=hp.WholeBody(
+            parameters={"estimate_friction": True, "weights": {"swing": 0.5}}, mu=0.3
+        ),
+        ground=hp.Ground(
+            mu_s=0.6,
+            cone="per_axis",
+            friction_strips=((0.6, 1.2, 0.15), (1.5, 2.0, 0.05)),
+            slope=0.03,
+        ),
         gait=hp.Straight(speed=0.2, stiffness=9000),
         duration=0.2,
         dt=0.00025,
@@ -94,7 +119,9 @@ def test_options_are_the_scenario():
 
 
 def test_a_terrain_is_set_by_its_name_and_its_settings():
-    scenario = scenario_of({"ground.terrain.rise": 0.04, "ground.terrain": "stairs", "ground.terrain.steps": 3})
+    scenario = scenario_of(
+        {"ground.terrain.rise": 0.04, "ground.terrain": "stairs", "ground.terrain.steps": 3}
+    )
     assert scenario.ground.terrain == hp.ground.Stairs(rise=0.04, steps=3)
 
 
@@ -108,10 +135,18 @@ def test_every_setting_is_listed_and_can_be_set(command):
         assert setting.name not in names
         names.add(setting.name)
         part = setting.name.partition(".")[0]
-        if setting.name not in ("ground", "disturbances") and named.get(part) in (*setting.parts, None):
+        if setting.name not in ("ground", "disturbances") and named.get(part) in (
+            *setting.parts,
+            None,
+        ):
             scenario = scenario_of({setting.name: setting.default})
             assert replace(scenario, controller="condensed") == default, setting.name
-    assert {"controller.weights.swing", "controller.joints.k_p", "gait.schedule", "disturbances.noise.position"} < names
+    assert {
+        "controller.weights.swing",
+        "controller.joints.k_p",
+        "gait.schedule",
+        "disturbances.noise.position",
+    } < names
     code, out, _ = command("settings", "plant", "gait.velocity")
     assert code == 0
     assert "mujoco: " in out
@@ -121,7 +156,12 @@ def test_every_setting_is_listed_and_can_be_set(command):
 
 def test_a_log_is_walked_again(command, tmp_path):
     first, second = tmp_path / "a.npz", tmp_path / "b.npz"
-    start = ("--set", "disturbances.start_velocity=0.05,0,0,0,0,0", "--set", "disturbances.noise=0.3")
+    start = (
+        "--set",
+        "disturbances.start_velocity=0.05,0,0,0,0,0",
+        "--set",
+        "disturbances.noise=0.3",
+    )
     options = ("--duration", 0.2, *start, "--set", "disturbances.seed=3", "--push", "0.1:0,1,0")
     assert command("walk", *options, "--save", first)[0] == 0
     code, _, err = command("walk", "--again", first, "--save", second)
@@ -131,7 +171,12 @@ def test_a_log_is_walked_again(command, tmp_path):
         np.testing.assert_array_equal(a[name], b[name], err_msg=name)
     assert hp.Scenario.of(a) == hp.Scenario.of(b)
     assert hp.Scenario.of(a).disturbances.start_velocity != (0.0,) * 6
-    for option in (("--speed", 0.3), ("--set", "dt=0.0005"), ("--robot", "harpy"), ("--push", "0.1:0,1,0")):
+    for option in (
+        ("--speed", 0.3),
+        ("--set", "dt=0.0005"),
+        ("--robot", "harpy"),
+        ("--push", "0.1:0,1,0"),
+    ):
         code, _, err = command("walk", "--again", first, *option)
         assert code == 2
         assert "--again walks the scenario of its file" in err
@@ -152,7 +197,9 @@ def test_version(command):
     code, out, _ = command("--version")
     assert code == 0
     assert out == f"harpy {hp.__version__}\n"
-    done = subprocess.run([sys.executable, "-m", "harpy_pin", "--version"], capture_output=True, text=True, check=True)
+    done = subprocess.run(
+        [sys.executable, "-m", "harpy_pin", "--version"], capture_output=True, text=True, check=True
+    )
     assert done.stdout == out
 
 
@@ -172,7 +219,9 @@ def test_a_walk_that_stumbles_does_not_count(command, tmp_path):
     assert written["stumbled"]
     assert code == 1
     line = " ".join(err.split())
-    assert line.startswith(f"completed, but stumbled: the body tilted by {written['tilt_max_rad']:.2f} rad")
+    assert line.startswith(
+        f"completed, but stumbled: the body tilted by {written['tilt_max_rad']:.2f} rad"
+    )
     assert line.endswith("this does not count as walking")
     assert "stumbled" in out
 
@@ -186,7 +235,9 @@ def test_vlip_and_info(command, tmp_path):
     assert code == 0
     assert "4.020 kg" in out
     assert "left_knee" in out
-    assert out.endswith(f"{ROOT / 'examples'}\ntutorials: {ROOT / 'docs' / 'tutorials'}\nnext: harpy robots\n")
+    assert out.endswith(
+        f"{ROOT / 'examples'}\ntutorials: {ROOT / 'docs' / 'tutorials'}\nnext: harpy robots\n"
+    )
 
 
 def test_gait_is_shown_searched_and_loaded(command, tmp_path):
@@ -229,7 +280,9 @@ def test_a_walk_writes_its_page(command, tmp_path):
 
 
 def test_info_of_harpy(command):
-    assert "thrusters left_thruster, right_thruster, 53 N each" in " ".join(command("info")[1].split())
+    assert "thrusters left_thruster, right_thruster, 53 N each" in " ".join(
+        command("info")[1].split()
+    )
 
 
 @needs_robots
@@ -255,7 +308,8 @@ def test_view_draws_figures(command, tmp_path):
 
 
 @pytest.mark.parametrize(
-    "name", [(), ("demo",), ("walk",), ("view",), ("vlip",), ("gait",), ("paper",), ("info",), ("robots",)]
+    "name",
+    [(), ("demo",), ("walk",), ("view",), ("vlip",), ("gait",), ("paper",), ("info",), ("robots",)],
 )
 def test_help(command, name):
     code, out, _ = command(*name, "--help")
@@ -277,7 +331,12 @@ def test_the_table_is_of_what_the_robot_has(command):
 @needs_chromium
 def test_film_of_a_robot(command, tmp_path):
     path, crawls = tmp_path / "dog.gif", ("--set", "gait.schedule=crawl")
-    assert command("film", path, "--robot", "Solo", *crawls, "--duration", 0.85, "--size", "200x150")[0] == 0
+    assert (
+        command("film", path, "--robot", "Solo", *crawls, "--duration", 0.85, "--size", "200x150")[
+            0
+        ]
+        == 0
+    )
     with Image.open(path) as film:
         assert film.size == (200, 150)
         assert film.n_frames >= 6

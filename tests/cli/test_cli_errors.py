@@ -1,4 +1,6 @@
-"""Commands that are refused, interrupted or killed: one clear line, and nothing that looks whole and is not."""
+"""Commands that are refused, interrupted or killed: one clear line, and nothing that looks whole
+and is not.
+"""
 
 import os
 import shlex
@@ -43,14 +45,20 @@ def files(tmp_path):
         ("walk --set controller.weights.swng=1", "did you mean 'swing'?"),
         ("walk --set ground.slope=1.4", "slope must be finite"),
         ("walk --set ground.terrain=hills", "unknown terrain 'hills'"),
-        ("walk --set controller=wbc --set controller.governor=none", "setting of the controller 'governed'"),
+        (
+            "walk --set controller=wbc --set controller.governor=none",
+            "setting of the controller 'governed'",
+        ),
         ("walk --robot go2 --set gait.schedule=walk", "valid names: bound, crawl, pace"),
         ("walk --robot solo8 --speed 0.2", "a leg of fewer than three joints"),
         ("walk --push 2.0", "TIME:X,Y,Z (s and N·s), got '2.0'"),
         ("walk --push 2.0:1,2", "TIME:X,Y,Z"),
         ("walk --again OUT/none.npz", "no run log"),
         ("walk --json OUT", "is a folder"),
-        ("walk --set gait=trot", "'trot' is a schedule: Walking(schedule='trot'), --set gait.schedule=trot"),
+        (
+            "walk --set gait=trot",
+            "'trot' is a schedule: Walking(schedule='trot'), --set gait.schedule=trot",
+        ),
         ("walk --set gait.schedule=crawl", "it is a setting of the gait 'walking'"),
         ("walk --speed 0.2 --set gait.velocity=0.3,0,0", "it is a setting of the gait 'commanded'"),
         ("walk --set 'gait.velocity=0.3 0'", "must look like"),
@@ -61,7 +69,10 @@ def files(tmp_path):
         ("walk --set 'gait.velocity=0.3 0 0' --set gait=hand", "velocity"),
         ("walk --set 'gait.velocity=0.3 0 0' --set controller=governed", "commanded"),
         ("walk --robot x.urdf", "no URDF at 'x.urdf'"),
-        ("walk --feet left_foot", "--feet, --flat-feet and --posture are of a robot that --robot names"),
+        (
+            "walk --feet left_foot",
+            "--feet, --flat-feet and --posture are of a robot that --robot names",
+        ),
         ("walk --robot go2 --posture 0,up,0", "--posture takes angles in rad"),
         ("walk --robot go2 --posture 0,0.8,-5", "beyond its limits"),
         ("gait --search everything", "valid names"),
@@ -131,12 +142,18 @@ def test_unwritable_file_is_found_before_the_run(command, tmp_path, monkeypatch)
     [
         (lambda p: ("paper", "--out", p / "report"), signal.SIGTERM, 143),
         (lambda p: ("walk", "--json", p / "out.json", "--save", p / "out.npz"), signal.SIGINT, 130),
-        (lambda p: ("walk", "--json", p / "out.json", "--save", p / "out.npz"), signal.SIGTERM, 143),
+        (
+            lambda p: ("walk", "--json", p / "out.json", "--save", p / "out.npz"),
+            signal.SIGTERM,
+            143,
+        ),
     ],
     ids=["paper", "walk", "walk by SIGTERM"],
 )
 def test_interrupted_command_stops(command, tmp_path, monkeypatch, number, code, arguments):
-    """At the fifth tick of the first walk: no other walk is begun, and none is shown as if it were whole."""
+    """At the fifth tick of the first walk: no other walk is begun, and none is shown as if it were
+    whole.
+    """
     log, ticks = hp.Simulator.log, []
     before = signal.getsignal(signal.SIGTERM)
 
@@ -146,9 +163,13 @@ def test_interrupted_command_stops(command, tmp_path, monkeypatch, number, code,
         if len(ticks) == 5:
             os.kill(os.getpid(), number)
 
-    monkeypatch.setattr("reproduction.report.study_vlip", lambda: None)  # without walks, before them
+    monkeypatch.setattr(
+        "reproduction.report.study_vlip", lambda: None
+    )  # without walks, before them
     monkeypatch.setattr(hp.Simulator, "log", logged)
-    monkeypatch.setattr(hp.Simulator, "compile_loop", lambda self, *_, **__: None)  # every tick is logged in Python
+    monkeypatch.setattr(
+        hp.Simulator, "compile_loop", lambda self, *_, **__: None
+    )  # every tick is logged in Python
     ending, out, err = command(*arguments(tmp_path))
     assert ending == code
     assert "harpy: interrupted" in err
@@ -190,7 +211,9 @@ def test_killed_walk_is_viewed(command, tmp_path):
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
 @pytest.mark.parametrize(
-    "arguments", [("vlip", "--duration", 0.2, "--json"), ("walk", "--duration", 0.02, "--json")], ids=["vlip", "walk"]
+    "arguments",
+    [("vlip", "--duration", 0.2, "--json"), ("walk", "--duration", 0.02, "--json")],
+    ids=["vlip", "walk"],
 )
 def test_results_are_shown_before_they_are_written(command, arguments):
     code, out, err = command(*arguments, "/dev/full")

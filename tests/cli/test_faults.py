@@ -26,7 +26,11 @@ def python(*arguments, stdout=subprocess.PIPE, **environment):
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
 @pytest.mark.parametrize(
     ("module", "argument", "code", "says"),
-    [("harpy_pin", "info", 2, "harpy"), ("harpy_pin", "--help", 2, "harpy"), ("comparison", "--help", 1, "error")],
+    [
+        ("harpy_pin", "info", 2, "harpy"),
+        ("harpy_pin", "--help", 2, "harpy"),
+        ("comparison", "--help", 1, "error"),
+    ],
 )
 def test_full_output_is_one_line(module, argument, code, says):
     with open("/dev/full", "w") as full:
@@ -37,7 +41,11 @@ def test_full_output_is_one_line(module, argument, code, says):
 
 @pytest.mark.parametrize(
     "environment",
-    [{"PYTHONIOENCODING": "ascii"}, {"LC_ALL": "C", "PYTHONCOERCECLOCALE": "0", "PYTHONUTF8": "0"}, {"TERM": "dumb"}],
+    [
+        {"PYTHONIOENCODING": "ascii"},
+        {"LC_ALL": "C", "PYTHONCOERCECLOCALE": "0", "PYTHONUTF8": "0"},
+        {"TERM": "dumb"},
+    ],
     ids=str,
 )
 @pytest.mark.parametrize("arguments", [("info",), ("info", "--robot", "no·where")], ids=str)
@@ -68,7 +76,9 @@ def test_other_errors_keep_their_traceback():
 def test_names_with_brackets_are_shown(tmp_path):
     text = (ROOT / "urdf" / "harpy.urdf").read_text()
     path = tmp_path / "markup.urdf"
-    path.write_text(text.replace('name="harpy"', 'name="[/red]"').replace("left_knee", "[bold]knee"))
+    path.write_text(
+        text.replace('name="harpy"', 'name="[/red]"').replace("left_knee", "[bold]knee")
+    )
     done = python("-m", "harpy_pin", "info", "--robot", str(path), "--feet", "left_foot,right_foot")
     assert done.returncode == 0, done.stderr
     assert "[/red]: 4.020 kg" in done.stdout

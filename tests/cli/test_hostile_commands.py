@@ -1,6 +1,8 @@
-"""Command lines drawn from a seed, for all three programs: no traceback, and one line for every error.
+"""Command lines drawn from a seed, for all three programs: no traceback, and one line for every
+error.
 
-Nothing is walked: where a command would begin to, its arguments have been accepted. ``--fuzz 20`` is 2,000 lines.
+Nothing is walked: where a command would begin to, its arguments have been accepted. ``--fuzz 20``
+is 2,000 lines.
 """
 
 import numpy as np

@@ -33,9 +33,13 @@ def dog(tmp_path):
     return tmp_path / "dog.urdf"
 
 
-@pytest.mark.parametrize("name", ["go2", "solo12", "anymal_c", "hyq", "bolt", "solo8", "talos", "icub", "g1"])
+@pytest.mark.parametrize(
+    "name", ["go2", "solo12", "anymal_c", "hyq", "bolt", "solo8", "talos", "icub", "g1"]
+)
 def test_a_posture_is_found_where_there_is_none(name):
-    """Feet are on one level and point feet below the hips' pitch axes, within limits, and soles are level."""
+    """Feet are on one level and point feet below the hips' pitch axes, within limits, and soles are
+    level.
+    """
     robot = replace(hp.load_robot(name), posture=None)
     q = hp.Standing(robot).initial_state()[0]
     assert ((q[7:] >= robot.joint_lower) & (q[7:] <= robot.joint_upper)).all()
@@ -51,7 +55,10 @@ def test_a_posture_is_found_where_there_is_none(name):
 def test_postures_that_are_none():
     robot = replace(hp.load_robot("go2", feet=("FL_foot", "FL_calf")), posture=None)
     uneven = hp.load_robot("go2", posture=[0.0, 0.7, -1.4, *[0.0, 0.9, -1.8] * 3])
-    for one, says in ((uneven, "feet are not on one level"), (robot, "was found: give one, of 12 angles")):
+    for one, says in (
+        (uneven, "feet are not on one level"),
+        (robot, "was found: give one, of 12 angles"),
+    ):
         with pytest.raises(hp.InputError, match=says):
             hp.Standing(one)
 
@@ -75,7 +82,9 @@ def test_a_scenario_of_it_is_written_down_and_walked_again(dog, tmp_path):
 
 def test_what_a_scenario_cannot_write_down(dog):
     robot = hp.load_robot(dog, feet=FEET)
-    with pytest.raises(hp.InputError, match=r"'my-dog' is not what its file says.* with_joints, or give hp.walk"):
+    with pytest.raises(
+        hp.InputError, match=r"'my-dog' is not what its file says.* with_joints, or give hp.walk"
+    ):
         hp.Scenario(robot=heavier(robot, 0.1))
     source = {"file": str(dog), "feet": list(FEET)}
     for bad, says in (
@@ -105,30 +114,49 @@ def test_flat_feet_rotors_and_an_infinite_limit_are_written_down():
     biped = hp.load_robot(CATALOGUE["talos"].path(), feet=feet, flat_feet=dict.fromkeys(feet, sole))
     for robot in (flyer, biped):
         read = read_robot(json.loads(json.dumps(hp.Scenario(robot=robot).to_dict()))["robot"])
-        assert (read.feet, read.flat_feet, read.rotors) == (robot.feet, robot.flat_feet, robot.rotors)
+        assert (read.feet, read.flat_feet, read.rotors) == (
+            robot.feet,
+            robot.flat_feet,
+            robot.rotors,
+        )
         assert read.model == robot.model
     short = hp.load_robot(CATALOGUE["solo8"].path(), feet=CATALOGUE["solo8"].feet)
     assert hp.Scenario(robot=short).gait.name == "standing"
 
 
 def test_the_ground_fits_where_only_friction_is_given():
-    """One foot is 2 mm deep that bears all, standing four 5 mm; also of a gait of one's own. What is given stays."""
+    """One foot is 2 mm deep that bears all, standing four 5 mm; also of a gait of one's own. What
+    is given stays.
+    """
     robot, friction = hp.load_robot("go2"), hp.Ground(mu_s=0.4)
     fitting = robot.mass * 9.81 / 0.002
-    assert hp.Scenario(robot="go2", ground=friction).ground == hp.Ground(mu_s=0.4, stiffness=fitting)
-    assert hp.Scenario(robot="go2", gait="standing").ground.stiffness == pytest.approx(0.1 * fitting)
+    assert hp.Scenario(robot="go2", ground=friction).ground == hp.Ground(
+        mu_s=0.4, stiffness=fitting
+    )
+    assert hp.Scenario(robot="go2", gait="standing").ground.stiffness == pytest.approx(
+        0.1 * fitting
+    )
     assert hp.Scenario(robot="go2", ground=hp.Ground(stiffness=8e3)).ground.stiffness == 8e3
     assert hp.Scenario(robot="go2", ground=hp.Ground(damping=3.0)).ground.damping == 3.0
     built = hp.build(hp.Scenario(ground=friction), gait=hp.WalkingGait(robot))
-    assert built.simulator.ground.stiffness == built.scenario.ground.stiffness == pytest.approx(fitting)
-    for harpy in (hp.Scenario().ground, hp.build(hp.Scenario(), gait=hp.make_gait(hp.load_harpy())).simulator.ground):
+    assert (
+        built.simulator.ground.stiffness
+        == built.scenario.ground.stiffness
+        == pytest.approx(fitting)
+    )
+    for harpy in (
+        hp.Scenario().ground,
+        hp.build(hp.Scenario(), gait=hp.make_gait(hp.load_harpy())).simulator.ground,
+    ):
         assert harpy == hp.Ground()
 
 
 def test_commands_take_a_file(dog, tmp_path, monkeypatch, command):
     monkeypatch.chdir(tmp_path)
     robot = ("--robot", "dog.urdf", "--feet", ",".join(FEET))
-    code, out, err = command("walk", *robot, "--duration", 0.2, "--posture", "0,0.7,-1.4", "--save", "dog.npz")
+    code, out, err = command(
+        "walk", *robot, "--duration", 0.2, "--posture", "0,0.7,-1.4", "--save", "dog.npz"
+    )
     assert (code, err) == (0, "")
     assert "my-dog, condensed, walking gait" in " ".join(out.split())
     run = hp.Run.load("dog.npz")
@@ -150,7 +178,9 @@ def test_commands_take_a_file(dog, tmp_path, monkeypatch, command):
 
 
 def test_a_loop_of_ones_own_is_a_run(dog, tmp_path):
-    """Recorded by hand it has what the plant's own run has, and is saved, measured, seen; a motors' law, too."""
+    """Recorded by hand it has what the plant's own run has, and is saved, measured, seen; a motors'
+    law, too.
+    """
     robot = hp.load_robot(dog, feet=FEET)
     ground = hp.Ground(mu_s=0.6).fitted(robot, walks=True)
 
@@ -174,7 +204,9 @@ def test_a_loop_of_ones_own_is_a_run(dog, tmp_path):
         np.testing.assert_array_equal(run[name], expected[name], err_msg=name)
     np.testing.assert_allclose(run["motor_torque"], expected["motor_torque"], atol=0.3)
     same = set(run.metadata) - {"end_time", "control_period"}
-    assert {name: run.metadata[name] for name in same} == {name: expected.metadata[name] for name in same}
+    assert {name: run.metadata[name] for name in same} == {
+        name: expected.metadata[name] for name in same
+    }
     run.save(tmp_path / "own.npz")
     loaded = hp.Run.load(tmp_path / "own.npz")
     assert hp.measure(loaded).distance_m == hp.measure(expected).distance_m
@@ -182,7 +214,9 @@ def test_a_loop_of_ones_own_is_a_run(dog, tmp_path):
 
 
 def test_the_example_of_the_docs(tmp_path, monkeypatch, capsys):
-    """From an MJCF file to a walk in MuJoCo, recorded; as it is printed, with a file that MuJoCo has written."""
+    """From an MJCF file to a walk in MuJoCo, recorded; as it is printed, with a file that MuJoCo
+    has written.
+    """
     pytest.importorskip("mujoco")
     from own_models import described
 
@@ -205,29 +239,54 @@ def test_what_no_recorder_takes(tmp_path):
 
     def add(t, height=0.3, torque=0.0):
         place = np.zeros((4, 3))
-        recorder.add(hp.State(t, np.array([*q[:2], height, *q[3:]]), v, place, place, place), hp.Command([torque] * 12))
+        recorder.add(
+            hp.State(t, np.array([*q[:2], height, *q[3:]]), v, place, place, place),
+            hp.Command([torque] * 12),
+        )
 
     with pytest.raises(hp.InputError, match="two ticks at least"):
         recorder.run()
     add(0.0)
     add(0.002)
     for t, torque in ((0.002, 0.0), (0.001, 0.0), (0.004, np.nan)):
-        with pytest.raises(hp.InputError, match=r"time must go on from tick to tick|torque must be finite"):
+        with pytest.raises(
+            hp.InputError, match=r"time must go on from tick to tick|torque must be finite"
+        ):
             add(t, torque=torque)
     for t in (0.004, 0.0123, 0.0143):  # the loop stalled once
         add(t, height=0.1)
     run = recorder.run()
-    assert (run.ending, len(run), run.metadata["control_period"]) == ("fell", 5, pytest.approx(0.002))
+    assert (run.ending, len(run), run.metadata["control_period"]) == (
+        "fell",
+        5,
+        pytest.approx(0.002),
+    )
     run.save(tmp_path / "late.npz")
-    np.testing.assert_array_equal(hp.Run.load(tmp_path / "late.npz")["t"], (0.0, 0.002, 0.004, 0.0123, 0.0143))
+    np.testing.assert_array_equal(
+        hp.Run.load(tmp_path / "late.npz")["t"], (0.0, 0.002, 0.004, 0.0123, 0.0143)
+    )
 
 
 def test_it_is_said_why_a_walk_falls(monkeypatch, command, tmp_path):
-    """Of joints that are not as believed contact forces are not as planned; weak motors are at their limits."""
+    """Of joints that are not as believed contact forces are not as planned; weak motors are at
+    their limits.
+    """
     monkeypatch.chdir(tmp_path)
     found = []
-    for motors, ending in (("torque_share=1", 0), ("torque_share=0.3", 0), ("coulomb_friction=1", 1)):
-        options = ("--robot", "go2", "--friction", 0.6, f"--set=disturbances.actuators.{motors}", "--save", "a.npz")
+    for motors, ending in (
+        ("torque_share=1", 0),
+        ("torque_share=0.3", 0),
+        ("coulomb_friction=1", 1),
+    ):
+        options = (
+            "--robot",
+            "go2",
+            "--friction",
+            0.6,
+            f"--set=disturbances.actuators.{motors}",
+            "--save",
+            "a.npz",
+        )
         code, out, err = command("walk", *options)
         assert (code, "contact forces less those planned" in out) == (ending, True)
         found.append(hp.measure(hp.Run.load("a.npz")))
@@ -242,12 +301,18 @@ def test_what_a_file_lacks_is_said_once(dog, command):
     """A walk by patterns reads its file three times."""
     dog.write_text(dog.read_text().replace('effort="23.7"', 'effort="0"', 1))
     code, _, err = command("walk", "--robot", str(dog), "--feet", "*_foot", "--duration", 0.05)
-    assert (code, err.count("joints of effort 0, taken as without a limit: 'FL_hip_joint'")) == (0, 1)
+    assert (code, err.count("joints of effort 0, taken as without a limit: 'FL_hip_joint'")) == (
+        0,
+        1,
+    )
 
 
 def test_why_a_robot_stands_is_said(command):
     code, out, _ = command("walk", "--robot", "solo8", "--set=controller=wbc", "--duration", 0.05)
-    said = "solo8, wbc, standing gait, compliant plant ('solo8' has a leg of fewer than three joints: its feet"
+    said = (
+        "solo8, wbc, standing gait, compliant plant ('solo8' has a leg of fewer than three "
+        "joints: its feet"
+    )
     assert (code, said in " ".join(out.split())) == (0, True)
 
 
@@ -255,11 +320,17 @@ def test_an_environment_of_it(dog):
     gymnasium = pytest.importorskip("gymnasium")
     robot, name = hp.load_robot(dog, feet=FEET), "harpy_pin.contrib.gym:Robot-v0"
     of_it = hp.Scenario(robot=robot)
-    for options in ({"robot": robot}, {"scenario": of_it}, {"robot": robot, "scenario": hp.Scenario()}):
+    for options in (
+        {"robot": robot},
+        {"scenario": of_it},
+        {"robot": robot, "scenario": hp.Scenario()},
+    ):
         env = gymnasium.make(name, velocity=(0.3, 0.0, 0.0), **options).unwrapped
         env.reset(seed=0)
         assert env.robot.name == "my-dog"
         assert env.simulator.ground.stiffness == pytest.approx(robot.mass * 9.81 / 0.002)
         assert not env.step(np.zeros(3, np.float32))[2]
-    with pytest.raises(hp.InputError, match="the scenario is of 'solo12', and the environment of 'my-dog'"):
+    with pytest.raises(
+        hp.InputError, match="the scenario is of 'solo12', and the environment of 'my-dog'"
+    ):
         gymnasium.make(name, robot=robot, scenario=hp.Scenario(robot="solo12"))

@@ -1,7 +1,8 @@
 """Ctrl-C and SIGTERM at random moments of every long command, compiling included.
 
-Each has the exit code that is documented, leaves no process and no temporary file behind, prints no traceback, and
-cuts no result: a file is there whole, or not at all. ``--fuzz 20`` sends some 200 signals.
+Each has the exit code that is documented, leaves no process and no temporary file behind, prints no
+traceback, and cuts no result: a file is there whole, or not at all. ``--fuzz 20`` sends some 200
+signals.
 """
 
 from __future__ import annotations
@@ -49,13 +50,19 @@ class Case(NamedTuple):
 
 CASES = {
     "walk": Case("harpy_pin walk --duration 500 --save OUT/run.npz --json OUT/numbers.json", 3.0),
-    "short walk": Case("harpy_pin walk --duration 1 --save OUT/run.npz --json OUT/numbers.json", 2.0),
+    "short walk": Case(
+        "harpy_pin walk --duration 1 --save OUT/run.npz --json OUT/numbers.json", 2.0
+    ),
     "walk, compiling": Case("harpy_pin walk --duration 1 --save OUT/run.npz", 12.0, cold=True),
     "compile": Case("harpy_pin compile", 15.0, cold=True),
     "view": Case("harpy_pin view RUN", 3.0),
     "view --html": Case("harpy_pin view RUN --html OUT/page.html", 2.0),
-    "view --gif": Case("harpy_pin view RUN --gif OUT/film.gif --size 160x100", 6.0, needs=("chromium",)),
-    "live": Case("harpy_pin live --no-browser --save OUT/run.npz --json OUT/numbers.json --speed 0.2", 6.0),
+    "view --gif": Case(
+        "harpy_pin view RUN --gif OUT/film.gif --size 160x100", 6.0, needs=("chromium",)
+    ),
+    "live": Case(
+        "harpy_pin live --no-browser --save OUT/run.npz --json OUT/numbers.json --speed 0.2", 6.0
+    ),
     "live, compiling": Case("harpy_pin live --no-browser --save OUT/run.npz", 12.0, cold=True),
     "gait": Case("reproduction gait --search paper --budget 500 --out OUT/gait.toml", 5.0),
     "comparison": Case("comparison --quick --json OUT/numbers.json", 25.0),
@@ -73,7 +80,9 @@ def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def is_ready(process: subprocess.Popen[str]) -> bool:
-    """Whether Python has started and come to the command's first line, where SIGTERM gets a handler."""
+    """Whether Python has started and come to the command's first line, where SIGTERM gets a
+    handler.
+    """
     lines = Path(f"/proc/{process.pid}/status").read_text().splitlines()
     caught = next((int(line.split()[1], 16) for line in lines if line.startswith("SigCgt")), 0)
     return bool(caught >> (signal.SIGTERM - 1) & 1) or process.poll() is not None
@@ -100,7 +109,9 @@ def check_whole(folder: Path) -> None:
             assert path.read_text().rstrip().endswith("</html>")
 
 
-def signalled(case: Case, folder: Path, log: Path, moment: float, number: int, *, to_all: bool) -> None:
+def signalled(
+    case: Case, folder: Path, log: Path, moment: float, number: int, *, to_all: bool
+) -> None:
     """Run a command, and end it by a signal.
 
     Args:
@@ -152,7 +163,9 @@ def signalled(case: Case, folder: Path, log: Path, moment: float, number: int, *
     shutil.rmtree(temporary, ignore_errors=True)
 
 
-@pytest.mark.parametrize("name", [pytest.param(name, marks=pytest.mark.needs(*CASES[name].needs)) for name in CASES])
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=pytest.mark.needs(*CASES[name].needs)) for name in CASES]
+)
 def test_signals_at_random_moments(name: str, log: Path, tmp_path: Path, fuzz: int) -> None:
     rng = random.Random(name)
     case = CASES[name]
@@ -178,15 +191,21 @@ def test_a_signal_that_waited_decides_the_exit_code(number: int, code: int) -> N
 
 
 @pytest.mark.parametrize("moment", [0.02, 0.1, 0.3])
-def test_a_signal_while_compiling_leaves_no_folder(moment: float, log: Path, tmp_path: Path) -> None:
+def test_a_signal_while_compiling_leaves_no_folder(
+    moment: float, log: Path, tmp_path: Path
+) -> None:
     signalled(CASES["walk, compiling"], tmp_path, log, moment, signal.SIGTERM, to_all=False)
 
 
 @pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
-def test_signals_while_modules_are_imported(number: int, code: int, tmp_path: Path, log: Path) -> None:
+def test_signals_while_modules_are_imported(
+    number: int, code: int, tmp_path: Path, log: Path
+) -> None:
     """Without a word, and with the exit code that shells expect."""
     for moment in (0.0, 0.05, 0.1):
-        process = subprocess.Popen([sys.executable, "-m", "harpy_pin", "info"], cwd=ROOT, stderr=subprocess.PIPE)
+        process = subprocess.Popen(
+            [sys.executable, "-m", "harpy_pin", "info"], cwd=ROOT, stderr=subprocess.PIPE
+        )
         while not is_ready(process):  # type: ignore[arg-type]
             time.sleep(0.001)
         time.sleep(moment)

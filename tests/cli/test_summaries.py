@@ -1,4 +1,6 @@
-"""The lists of commands: every summary is whole on a terminal of 80 columns, and says what the command is."""
+"""The lists of commands: every summary is whole on a terminal of 80 columns, and says what the
+command is.
+"""
 
 import pytest
 from typer.testing import CliRunner

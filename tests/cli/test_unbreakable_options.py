@@ -1,4 +1,5 @@
-"""Every number on the command line, found by looking at the commands: a new option is tried by itself.
+"""Every number on the command line, found by looking at the commands: a new option is tried by
+itself.
 
 Nothing is walked here: where a command would begin to, its numbers have been accepted.
 """
@@ -13,7 +14,22 @@ from command_lines import commands, run_line, stop_before_work
 import harpy_pin as hp
 
 HUGE = "9" * 40
-VALUES = ("nan", "inf", "-inf", "-1", "0", "1e-300", "1e308", "-1e308", "1e999", HUGE, "x", "1,5", "", "0x10")
+VALUES = (
+    "nan",
+    "inf",
+    "-inf",
+    "-1",
+    "0",
+    "1e-300",
+    "1e308",
+    "-1e308",
+    "1e999",
+    HUGE,
+    "x",
+    "1,5",
+    "",
+    "0x10",
+)
 ZERO = {"0", "1e-300"}
 SEED = {"0", HUGE}
 ACCEPTED: dict[tuple[str, ...], set[str]] = {
@@ -38,7 +54,10 @@ ACCEPTED: dict[tuple[str, ...], set[str]] = {
     ("comparison", "tune", "--seed"): SEED,
     ("comparison", "tune", "--joint-damping"): ZERO,
     ("comparison", "peers", "--friction"): ZERO,
-    **{("comparison", "worlds", name): {"0"} for name in ("--sequences", "--noisy", "--pushes", "--lasting")},
+    **{
+        ("comparison", "worlds", name): {"0"}
+        for name in ("--sequences", "--noisy", "--pushes", "--lasting")
+    },
     **{("comparison", "causes", name): {"0"} for name in ("--sequences", "--lasting")},
     ("comparison", "senses", "--walks"): {"0"},
 }
@@ -93,7 +112,11 @@ def test_all_commands_are_tried():
     """Both programs, and whatever has been written down here."""
     assert ACCEPTED.keys() | SAYS.keys() <= set(OPTIONS)
     assert len(OPTIONS) == len(set(OPTIONS)) > 25
-    assert {option[:-1] for option in OPTIONS} >= {("harpy", "walk"), ("reproduction", "gait"), ("comparison",)}
+    assert {option[:-1] for option in OPTIONS} >= {
+        ("harpy", "walk"),
+        ("reproduction", "gait"),
+        ("comparison",),
+    }
 
 
 @pytest.mark.parametrize("option", OPTIONS, ids=" ".join)
@@ -112,11 +135,21 @@ def test_numbers_are_accepted_or_refused_by_name(run, option):
 
 
 SETTINGS = {
-    **{"dt": set(), "period": set(), "duration": {"1e-300"}, "gait.speed": ZERO, "gait.stiffness": set()},
+    **{
+        "dt": set(),
+        "period": set(),
+        "duration": {"1e-300"},
+        "gait.speed": ZERO,
+        "gait.stiffness": set(),
+    },
     **{"controller.mu": ZERO, "controller.weights.swing": ZERO, "controller.hold_ticks": ZERO},
     **{"ground.mu_s": ZERO, "ground.stiffness": set(), "ground.slope": {*ZERO, "-1"}},
     **{"disturbances.noise": ZERO, "disturbances.delay": ZERO, "disturbances.mass_error": ZERO},
-    **{"disturbances.seed": SEED, "disturbances.normal_error": {*ZERO, "-1"}, "plant.foot_radius": ZERO},
+    **{
+        "disturbances.seed": SEED,
+        "disturbances.normal_error": {*ZERO, "-1"},
+        "plant.foot_radius": ZERO,
+    },
 }
 """Numbers among the settings, and what they take of the values above."""
 
@@ -130,11 +163,19 @@ def test_numbers_among_the_settings_are_accepted_or_refused_by_name(run, name):
             continue
         assert code == 2, (value, err)
         assert len(err.strip().splitlines()) == 1, (value, err)
-        words = (name.rpartition(".")[2].replace("_", " "), "reach", "physics step", "number", "multiple")
+        words = (
+            name.rpartition(".")[2].replace("_", " "),
+            "reach",
+            "physics step",
+            "number",
+            "multiple",
+        )
         assert any(word in err.replace("_", " ") for word in words), (value, err)
 
 
-@pytest.mark.parametrize("push", ["nan:0,1,0", "inf:0,1,0", "1e308:0,1,0", "-1:0,1,0", "0.1:nan,0,0", "0.1:0,1e308,0"])
+@pytest.mark.parametrize(
+    "push", ["nan:0,1,0", "inf:0,1,0", "1e308:0,1,0", "-1:0,1,0", "0.1:nan,0,0", "0.1:0,1e308,0"]
+)
 def test_pushes_are_refused_by_name(run, push):
     code, err = run("harpy", "walk", f"--push={push}")
     assert code == 2

@@ -32,7 +32,9 @@ def test_without_mujoco_nothing_is_walked(tmp_path: Path, monkeypatch: pytest.Mo
     monkeypatch.setattr(walks, "installed_version", lambda: None)
     monkeypatch.setattr(walks, "walk_task", lambda *_: pytest.fail("a walk was begun"))
     path = tmp_path / "rows.jsonl"
-    with pytest.raises(HarpyError, match=r'MuJoCo, which is not installed: pip install -e ".*\[mujoco\]"'):
+    with pytest.raises(
+        HarpyError, match=r'MuJoCo, which is not installed: pip install -e ".*\[mujoco\]"'
+    ):
         run_campaign(CampaignSettings.of("wide", walks=16), path)
     assert read_rows(path)[0] == {}
 
@@ -55,11 +57,15 @@ def command(path: Path, *more: str) -> list[str]:
 
 
 def finished(path: Path) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(command(path), cwd=ROOT, env=ENVIRONMENT, capture_output=True, text=True, timeout=600)
+    return subprocess.run(
+        command(path), cwd=ROOT, env=ENVIRONMENT, capture_output=True, text=True, timeout=600
+    )
 
 
 def give_way() -> None:
-    """A process that is watched gives way to the one that watches it, however busy the machine is."""
+    """A process that is watched gives way to the one that watches it, however busy the machine
+    is.
+    """
     os.nice(10)
 
 
@@ -72,7 +78,9 @@ def wait_for_rows(path: Path, count: int) -> int:
     raise AssertionError("no rows")
 
 
-def undisturbed(path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> str:
+def undisturbed(
+    path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> str:
     """The table of a campaign whose walks were done here, one after the other."""
     monkeypatch.setenv("COLUMNS", ENVIRONMENT["COLUMNS"])
     monkeypatch.setattr(sys, "argv", ["comparison", *command(path)[3:]])
@@ -90,7 +98,9 @@ def test_a_killed_campaign_goes_on_where_it_was(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path = tmp_path / "rows.jsonl"
-    process = subprocess.Popen(command(path), cwd=ROOT, env=ENVIRONMENT, stdout=subprocess.DEVNULL, preexec_fn=give_way)
+    process = subprocess.Popen(
+        command(path), cwd=ROOT, env=ENVIRONMENT, stdout=subprocess.DEVNULL, preexec_fn=give_way
+    )
     try:
         wait_for_rows(path, 4)
     finally:

@@ -1,4 +1,6 @@
-"""Walks on the workers of a Dask cluster: the rows are this machine's own, whatever dies meanwhile."""
+"""Walks on the workers of a Dask cluster: the rows are this machine's own, whatever dies
+meanwhile.
+"""
 
 from __future__ import annotations
 
@@ -22,7 +24,9 @@ from comparison.measure.walking import Progress, silent
 from comparison.study import Job, Study
 from harpy_pin.errors import HarpyError, InputError
 
-LocalCluster = pytest.importorskip("distributed", reason="clusters are the extra cluster").LocalCluster
+LocalCluster = pytest.importorskip(
+    "distributed", reason="clusters are the extra cluster"
+).LocalCluster
 SETTINGS = CampaignSettings(walks=12, duration=1.5, contenders=("governed/none", "condensed"))
 MANY = range(40)
 
@@ -74,12 +78,16 @@ def test_rows_are_the_same_to_the_bit(
     monkeypatch.setattr(walks, "walk_task", nobody_walks_here)
     seen: list[tuple[int, int]] = []
     with workers(two_workers.scheduler_address):
-        run_campaign(SETTINGS, tmp_path / "rows", progress=lambda done, total: seen.append((done, total)))
+        run_campaign(
+            SETTINGS, tmp_path / "rows", progress=lambda done, total: seen.append((done, total))
+        )
     assert (tmp_path / "rows").read_bytes() == local_rows
     assert seen == [(done, 12) for done in range(13)]
 
 
-def test_a_worker_that_is_killed_loses_its_walks_only(two_workers: Any, local_rows: bytes, tmp_path: Path) -> None:
+def test_a_worker_that_is_killed_loses_its_walks_only(
+    two_workers: Any, local_rows: bytes, tmp_path: Path
+) -> None:
     victim = two_workers.workers[0].pid
 
     def kill(done: int, total: int) -> None:
@@ -104,7 +112,8 @@ def test_a_walk_that_kills_its_workers_is_one_line(
     with (
         Store(tmp_path / "rows") as store,
         pytest.raises(
-            HarpyError, match=r"workers died of the same walk, the last one was tcp://127.0.0.1:\d+; the same"
+            HarpyError,
+            match=r"workers died of the same walk, the last one was tcp://127.0.0.1:\d+; the same",
         ),
         workers(two_workers.scheduler_address),
     ):
@@ -154,15 +163,21 @@ def test_a_worker_with_other_code_is_refused_before_any_walk(
     refused = rf"the worker tcp://127.0.0.1:\d+ is refused for its code {theirs} \(here newer\)"
     with pytest.raises(HarpyError, match=refused), workers(two_workers.scheduler_address):
         nobody_walks_here()
-    monkeypatch.setattr(cluster, "_require_same_everywhere", lambda client: None)  # as of one that comes later
+    monkeypatch.setattr(
+        cluster, "_require_same_everywhere", lambda client: None
+    )  # as of one that comes later
     with pytest.raises(HarpyError, match=refused), workers(two_workers.scheduler_address):
         squares(tmp_path / "rows")
     assert read_rows(tmp_path / "rows")[0] == {}
 
 
 def test_a_worker_that_cannot_import_the_code_is_named() -> None:
-    with pytest.raises(HarpyError, match="the worker tcp://there:1 cannot walk: ModuleNotFoundError: comparison"):
-        cluster.require_same(cluster.identity(), {"tcp://there:1": ModuleNotFoundError("comparison")})
+    with pytest.raises(
+        HarpyError, match="the worker tcp://there:1 cannot walk: ModuleNotFoundError: comparison"
+    ):
+        cluster.require_same(
+            cluster.identity(), {"tcp://there:1": ModuleNotFoundError("comparison")}
+        )
 
 
 def test_walks_do_not_share_a_process() -> None:
@@ -181,7 +196,10 @@ def test_a_scheduler_that_goes_away_leaves_what_is_done(tmp_path: Path) -> None:
         if done == 3:
             vanishing.close()
 
-    with pytest.raises(HarpyError, match="is gone; the same command goes on"), workers(vanishing.scheduler_address):
+    with (
+        pytest.raises(HarpyError, match="is gone; the same command goes on"),
+        workers(vanishing.scheduler_address),
+    ):
         squares(path, close)
     kept = path.read_bytes()
     assert 3 <= kept.count(b"\n") < len(MANY)
@@ -192,7 +210,9 @@ def test_a_scheduler_that_goes_away_leaves_what_is_done(tmp_path: Path) -> None:
 
 def test_the_library_is_an_extra(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "distributed", None)
-    with pytest.raises(HarpyError, match=r"--scheduler needs 'distributed': pip install .*\[cluster\]"):
+    with pytest.raises(
+        HarpyError, match=r"--scheduler needs 'distributed': pip install .*\[cluster\]"
+    ):
         workers("tcp://127.0.0.1:1").__enter__()
 
 
@@ -203,7 +223,9 @@ def test_nobody_listens(monkeypatch: pytest.MonkeyPatch) -> None:
         port = free.getsockname()[1]
     with pytest.raises(HarpyError, match=f"no Dask scheduler answers at tcp://127.0.0.1:{port}"):
         workers(f"tcp://127.0.0.1:{port}").__enter__()
-    with pytest.raises(InputError, match=r"the address of a scheduler is like tcp://.*, not 'localhost'"):
+    with pytest.raises(
+        InputError, match=r"the address of a scheduler is like tcp://.*, not 'localhost'"
+    ):
         workers("localhost").__enter__()
     with (
         started(0, processes=False) as empty,

@@ -23,10 +23,14 @@ ROOT = Path(__file__).resolve().parents[2]
 def test_document_has_its_schema(whole_document: dict[str, Any]) -> None:
     document = whole_document
     timing = document["timing"]
-    assert {"tick", "chain", "solve_alone", "solve_alone_proxqp", *WBC_PHASES} <= timing["wbc"].keys()
+    assert {"tick", "chain", "solve_alone", "solve_alone_proxqp", *WBC_PHASES} <= timing[
+        "wbc"
+    ].keys()
     assert {"tick", "chain", *WBC_PHASES} <= timing["own search"].keys()
     assert all(row["samples"] > 0 for name in TIMED for row in document["timing"][name].values())
-    assert {"wbc / governed", "own search / governed", "condensed / governed"} <= timing["ratios"].keys()
+    assert {"wbc / governed", "own search / governed", "condensed / governed"} <= timing[
+        "ratios"
+    ].keys()
     assert all(len(ratio["repetitions"]) == 2 for ratio in timing["ratios"].values())
     for measures in document["walk"].values():
         for share in ("sliding", "low_force", "no_contact"):
@@ -42,7 +46,12 @@ def test_document_has_its_schema(whole_document: dict[str, Any]) -> None:
     assert checks["commands_compared"] == 2 * 2 * 7 * 250  # repetitions, sequences, replays, ticks
     for solver in ("proxqp", "own"):
         assert checks[f"{solver}_solves"] == 2 * 250
-        assert checks[f"{solver}_fallbacks"] == checks[f"{solver}_failures"] == checks[f"{solver}_not_optimal"] == 0
+        assert (
+            checks[f"{solver}_fallbacks"]
+            == checks[f"{solver}_failures"]
+            == checks[f"{solver}_not_optimal"]
+            == 0
+        )
     assert document["settings"]["friction"] == 0.25
     assert document["machine"]["cpu"]
     assert document["versions"]["pin"] != "not installed"
@@ -67,7 +76,9 @@ def test_command_line_errors_are_one_line(
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    monkeypatch.setattr(sys, "argv", ["comparison", *(a.replace("{tmp}", str(tmp_path)) for a in arguments)])
+    monkeypatch.setattr(
+        sys, "argv", ["comparison", *(a.replace("{tmp}", str(tmp_path)) for a in arguments)]
+    )
     with pytest.raises(SystemExit) as ended:
         main()
     assert ended.value.code == 1
@@ -97,10 +108,14 @@ print(json.dumps(done))
 def test_without_extras_there_is_the_help_and_what_is_missing_is_one_line() -> None:
     lines = [(), ("slip", "--quick"), ("--help",), ("slip", "--help")]
     command = [sys.executable, "-c", WITHOUT, json.dumps(lines)]
-    ended = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=600, check=True)
+    ended = subprocess.run(
+        command, cwd=ROOT, capture_output=True, text=True, timeout=600, check=True
+    )
     *refused, (code, out, _), (_, of_slip, _) = json.loads(ended.stdout)
     needed = "'pandas' and 'jinja2' and 'qpsolvers'"
-    assert refused == 2 * [[1, "", f"error: the comparison needs {needed}: {install_line('compare')}\n"]]
+    assert refused == 2 * [
+        [1, "", f"error: the comparison needs {needed}: {install_line('compare')}\n"]
+    ]
     assert code == 0
     assert all(f"  {name} " in out for name in STUDIES)
     assert install_line("compare") in " ".join(out.split())

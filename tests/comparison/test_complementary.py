@@ -26,9 +26,20 @@ def test_it_is_exact_in_the_air():
         np.zeros((len(t), robot.model.nv)),
         np.zeros((len(t), 3)),
     )
-    q[:, 0], v[:, 0], force[:, 0] = 0.05 * np.sin(8.0 * t), 0.4 * np.cos(8.0 * t), -3.2 * np.sin(8.0 * t)
+    q[:, 0], v[:, 0], force[:, 0] = (
+        0.05 * np.sin(8.0 * t),
+        0.4 * np.cos(8.0 * t),
+        -3.2 * np.sin(8.0 * t),
+    )
     force[:, 2] = 9.81
-    signals = {"t": t, "q": q, "v": v, "estimated_q": q, "estimated_v": v, "contact_probability": np.zeros((len(t), 2))}
+    signals = {
+        "t": t,
+        "q": q,
+        "v": v,
+        "estimated_q": q,
+        "estimated_v": v,
+        "contact_probability": np.zeros((len(t), 2)),
+    }
     run = Run({**signals, "gyroscope": np.zeros_like(force), "accelerometer": force}, {})
     error = off(q, v, *complementary(run, robot), period=float(t[1] - t[0]))
     assert error["trajectory_mm"] < 0.5

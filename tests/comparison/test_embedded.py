@@ -19,5 +19,7 @@ def test_without_its_source_daqp_is_left_out(monkeypatch, tmp_path):
     monkeypatch.setattr(embedded, "missing_tools", lambda: None)
     settings = SimpleNamespace(**embedded.STUDY.defaults)
     for here, listed in ((tmp_path, False), (None, True)):
-        monkeypatch.setattr(embedded, "daqp_source", lambda _, here=here: None if here else tmp_path)
+        monkeypatch.setattr(
+            embedded, "daqp_source", lambda _, here=here: None if here else tmp_path
+        )
         assert any(job["controller"] == "daqp" for job in embedded.STUDY.jobs(settings)) == listed

@@ -1,4 +1,6 @@
-"""How far an estimate is off, against evo (https://github.com/MichaelGrupp/evo) and against closed forms."""
+"""How far an estimate is off, against evo (https://github.com/MichaelGrupp/evo) and against closed
+forms.
+"""
 
 from __future__ import annotations
 
@@ -14,7 +16,9 @@ TICKS = 400
 
 
 def walk(seed: int, *, level: bool = False) -> tuple[np.ndarray, np.ndarray]:
-    """(ticks, 7) and (ticks, 6): a path of a floating body; level: at height zero, turning about the vertical."""
+    """(ticks, 7) and (ticks, 6): a path of a floating body; level: at height zero, turning about
+    the vertical.
+    """
     rng = np.random.default_rng(seed)
     place = np.cumsum(rng.normal(0.01, 0.02, (TICKS, 3)), axis=0)
     turn = np.cumsum(rng.normal(0.0, 0.02, (TICKS, 3)), axis=0)
@@ -26,13 +30,20 @@ def walk(seed: int, *, level: bool = False) -> tuple[np.ndarray, np.ndarray]:
 
 def as_evo(q: np.ndarray) -> PoseTrajectory3D:
     wxyz = q[:, [6, 3, 4, 5]]
-    return PoseTrajectory3D(positions_xyz=q[:, :3], orientations_quat_wxyz=wxyz, timestamps=np.arange(len(q)) * 0.01)
+    return PoseTrajectory3D(
+        positions_xyz=q[:, :3], orientations_quat_wxyz=wxyz, timestamps=np.arange(len(q)) * 0.01
+    )
 
 
 @pytest.mark.parametrize("seed", range(3))
 def test_the_relative_error_is_evos(seed: int) -> None:
     (q, v), (guess, speed) = walk(seed), walk(seed + 100)
-    evo = metrics.RPE(metrics.PoseRelation.translation_part, delta=100, delta_unit=metrics.Unit.frames, all_pairs=True)
+    evo = metrics.RPE(
+        metrics.PoseRelation.translation_part,
+        delta=100,
+        delta_unit=metrics.Unit.frames,
+        all_pairs=True,
+    )
     evo.process_data((as_evo(q), as_evo(guess)))
     found = off(q, v, guess, speed, period=0.01)["relative_mm"]
     assert found == pytest.approx(1e3 * evo.get_statistic(metrics.StatisticsType.rmse), rel=1e-9)
@@ -40,7 +51,9 @@ def test_the_relative_error_is_evos(seed: int) -> None:
 
 @pytest.mark.parametrize("seed", range(3))
 def test_the_absolute_error_is_evos(seed: int) -> None:
-    """On level paths that are near each other evo, which aligns all axes, turns about the vertical alone."""
+    """On level paths that are near each other evo, which aligns all axes, turns about the vertical
+    alone.
+    """
     (q, v), (guess, speed) = walk(seed, level=True), walk(seed + 100, level=True)
     guess[:, :3] = q[:, :3] + 0.1 * guess[:, :3]
     aligned = as_evo(guess)
@@ -52,7 +65,9 @@ def test_the_absolute_error_is_evos(seed: int) -> None:
 
 
 def test_place_and_heading_are_free() -> None:
-    """An estimate from elsewhere, turned about the vertical, has no error but that of the displacement."""
+    """An estimate from elsewhere, turned about the vertical, has no error but that of the
+    displacement.
+    """
     q, v = walk(5)
     turn = pin.Quaternion(pin.rpy.rpyToMatrix(0.0, 0.0, 0.4))
     turned = q.copy()

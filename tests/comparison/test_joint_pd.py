@@ -1,4 +1,6 @@
-"""The joint PD controller that walks beside law and QP: kinematics, feedforward, and the search for its gains."""
+"""The joint PD controller that walks beside law and QP: kinematics, feedforward, and the search for
+its gains.
+"""
 
 from __future__ import annotations
 
@@ -29,7 +31,9 @@ def standing(name: str, **gains: float) -> tuple[JointPD, hp.State]:
 
 @pytest.mark.parametrize("name", ["solo12", "anymal_c", "g1"])
 def test_feedforward_alone_holds_the_robot_that_stands(name):
-    """Without stiffness: the body accelerates as the gait asks under its torques and the forces that go with them."""
+    """Without stiffness: the body accelerates as the gait asks under its torques and the forces
+    that go with them.
+    """
     pd, state = standing(name, stance_p=0.0, stance_d=0.0)
     for t in (0.0, 1e-3):
         state.t = t
@@ -41,7 +45,9 @@ def test_feedforward_alone_holds_the_robot_that_stands(name):
     wanted = np.concatenate((pd.gait.target.body[6:8], np.zeros(model.nv - 2)))
     total = pin.rnea(model, data, state.q, state.v, wanted)
     for k, foot in enumerate(pd.robot.feet):
-        rows = pin.getFrameJacobian(model, data, pd.robot.frame_id(foot), pin.LOCAL_WORLD_ALIGNED)[:3]
+        rows = pin.getFrameJacobian(model, data, pd.robot.frame_id(foot), pin.LOCAL_WORLD_ALIGNED)[
+            :3
+        ]
         total -= rows.T @ force[k]
     weight = pd.robot.mass * 9.81
     np.testing.assert_allclose(total[6:], torque, atol=1e-9)
@@ -51,7 +57,9 @@ def test_feedforward_alone_holds_the_robot_that_stands(name):
 
 @pytest.mark.parametrize("name", ["solo12", "bolt", "g1"])
 def test_joint_targets_are_the_inverse_kinematics_of_the_feet(name):
-    """A body that hangs too low and is tilted: the targets set it upright, at its height, above feet that stay."""
+    """A body that hangs too low and is tilted: the targets set it upright, at its height, above
+    feet that stay.
+    """
     pd, state = standing(name)
     state.q[2] -= 0.01
     state.q[3:7] = pin.Quaternion(pin.rpy.rpyToMatrix(0.03, -0.02, 0.0)).coeffs()
@@ -60,14 +68,18 @@ def test_joint_targets_are_the_inverse_kinematics_of_the_feet(name):
     feet = [data.oMf[robot.frame_id(foot)].translation.copy() for foot in robot.feet]
     pd.step(state)
     for _ in range(2000):
-        pd.step(state)  # at the same time: nothing moves but Newton's method, and a body that is to go down
+        pd.step(
+            state
+        )  # at the same time: nothing moves but Newton's method, and a body that is to go down
     upright = np.concatenate(
         (state.q[:2], pd.gait.record["height"], (0.0, 0.0, 0.0, 1.0), pd._record["planned"][0][7:])
     )
     pin.framesForwardKinematics(robot.model, data, upright)
     for k, foot in enumerate(robot.feet):
         if pd.gait.target.stance[k]:
-            np.testing.assert_allclose(data.oMf[robot.frame_id(foot)].translation, feet[k], atol=2e-4)
+            np.testing.assert_allclose(
+                data.oMf[robot.frame_id(foot)].translation, feet[k], atol=2e-4
+            )
 
 
 def test_joints_of_no_leg_hold_and_light_ones_have_smaller_gains():
@@ -81,7 +93,10 @@ def test_joints_of_no_leg_hold_and_light_ones_have_smaller_gains():
     robot, data = pd.robot, pd.robot.model.createData()
     inertia = 1.0 / pin.computeMinverse(robot.model, data, state.q)[6 + joint, 6 + joint]
     assert 0.0 < damping < 500.0 * inertia * (1.0 + 1e-3)
-    with pytest.raises(ValueError, match=r"3 joints on point feet, or of 6 on soles; those of 'solo8.*\[2, 2, 2, 2\]"):
+    with pytest.raises(
+        ValueError,
+        match=r"3 joints on point feet, or of 6 on soles; those of 'solo8.*\[2, 2, 2, 2\]",
+    ):
         JointPD(hp.WalkingGait(hp.load_robot("solo8"), "stand"), JointPDGains(), mu=0.6)
 
 
@@ -110,7 +125,9 @@ def test_the_search_finds_the_least_of_a_known_cost():
     assert least == cost(best, np.inf) < 0.2 * cost(JointPDGains(), np.inf)
     default = asdict(JointPDGains())
     for name, span in SPACE.items():
-        assert all(0.999 * span.low <= gains[name] / default[name] <= 1.001 * span.high for gains in tried)
+        assert all(
+            0.999 * span.low <= gains[name] / default[name] <= 1.001 * span.high for gains in tried
+        )
     best, least = search_gains(cost, start=JointPDGains(**at))
     assert asdict(best) == pytest.approx(at)
     assert least < 1e-20

@@ -1,4 +1,6 @@
-"""How it is measured: metrics, replays, interleaving, and checks of solutions. No time is ever asserted."""
+"""How it is measured: metrics, replays, interleaving, and checks of solutions. No time is ever
+asserted.
+"""
 
 from __future__ import annotations
 
@@ -11,8 +13,21 @@ import pytest
 import comparison.measure.replay as replays
 from comparison.measure.inside_c import ReplayInsideC
 from comparison.measure.replay import WBC_PHASES, TickReplay, WholeBodyChain, replay
-from comparison.measure.timing import Bench, TimingSettings, counted, interleave, ratio_of_medians, summarise
-from comparison.measure.walking import TIMED, StateSequence, make_contender, record_states, recorded_walk
+from comparison.measure.timing import (
+    Bench,
+    TimingSettings,
+    counted,
+    interleave,
+    ratio_of_medians,
+    summarise,
+)
+from comparison.measure.walking import (
+    TIMED,
+    StateSequence,
+    make_contender,
+    record_states,
+    recorded_walk,
+)
 from comparison.sections.ticks import make_all, proxqp_replay
 from comparison.sections.timing import stationarity, time_contenders
 from harpy_pin import InputError, State, load_harpy
@@ -64,7 +79,9 @@ def test_overhead_is_subtracted_and_never_makes_a_time_negative() -> None:
 
 
 def test_ratio_of_medians_and_its_spread() -> None:
-    ratio = ratio_of_medians([np.array([10, 20, 30]), np.array([40, 40, 40])], [np.array([10] * 3), np.array([8] * 3)])
+    ratio = ratio_of_medians(
+        [np.array([10, 20, 30]), np.array([40, 40, 40])], [np.array([10] * 3), np.array([8] * 3)]
+    )
     assert ratio["repetitions"] == pytest.approx([2.0, 5.0])
     assert (ratio["min"], ratio["max"]) == pytest.approx((2.0, 5.0))
     assert ratio["p50"] == pytest.approx(3.5)
@@ -72,7 +89,15 @@ def test_ratio_of_medians_and_its_spread() -> None:
 
 
 def test_finite_makes_anything_valid_json() -> None:
-    value = finite({"a": np.nan, "b": [np.inf, np.float64(1.5)], "c": np.bool_(True), "d": np.int64(3), "e": (None,)})
+    value = finite(
+        {
+            "a": np.nan,
+            "b": [np.inf, np.float64(1.5)],
+            "c": np.bool_(True),
+            "d": np.int64(3),
+            "e": (None,),
+        }
+    )
     assert value == {"a": None, "b": [None, 1.5], "c": True, "d": 3, "e": [None]}
     json.dumps(value, allow_nan=False)
 
@@ -134,7 +159,9 @@ def test_replay_in_blocks_equals_replay_in_one_go(sequences: list[StateSequence]
             np.testing.assert_array_equal(inside.commands, whole.commands)
 
 
-def test_ticks_by_proxqp_and_what_its_own_timer_says_of_them(sequences: list[StateSequence]) -> None:
+def test_ticks_by_proxqp_and_what_its_own_timer_says_of_them(
+    sequences: list[StateSequence],
+) -> None:
     robot, states = load_harpy(), sequences[1].states
     timed = replay(proxqp_replay(robot, FRICTION), states)
     whole = replay(TickReplay(make_contender("wbc", robot, FRICTION)), states)
@@ -143,8 +170,12 @@ def test_ticks_by_proxqp_and_what_its_own_timer_says_of_them(sequences: list[Sta
     assert np.median(timed.laps) < np.median(whole.laps)
 
 
-def test_every_tick_is_one_crossing_into_c(sequences: list[StateSequence], monkeypatch: pytest.MonkeyPatch) -> None:
-    """One for all controllers whose ticks are compared; where Python calls the solver, more around that."""
+def test_every_tick_is_one_crossing_into_c(
+    sequences: list[StateSequence], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """One for all controllers whose ticks are compared; where Python calls the solver, more around
+    that.
+    """
     crossings: list[Any] = []
     for kind in (Kernel, Chain):
 
@@ -158,7 +189,8 @@ def test_every_tick_is_one_crossing_into_c(sequences: list[StateSequence], monke
         crossings.clear()
         for state in sequences[0].states[1:20]:
             controller.step(state)
-        # Gait, terms and program; ProxQP's rows; after the solver the violation, the limits and the command.
+        # Gait, terms and program; ProxQP's rows; after the solver the violation, the limits and the
+        # command.
         each = {"wbc": 5, "wbc/contact_force": 5, "wbc/daqp": 4}.get(name, 1)
         assert len(crossings) == 19 * each, (name, len(crossings))
 
@@ -210,7 +242,9 @@ def test_a_walk_that_is_too_short_says_so(sequences: list[StateSequence]) -> Non
     bench = Bench(robot=robot, friction=FRICTION, settings=settings, rng=rng)
     with pytest.raises(InputError, match="too few"):
         time_contenders(bench, sequences)
-    with pytest.raises(InputError, match="valid names: condensed, governed, own search, ungoverned, wbc"):
+    with pytest.raises(
+        InputError, match="valid names: condensed, governed, own search, ungoverned, wbc"
+    ):
         make_contender("mpc", robot, FRICTION)
 
 

@@ -1,4 +1,6 @@
-"""Answers of peers: what is right, what is refused, and that those of the installed ones are right."""
+"""Answers of peers: what is right, what is refused, and that those of the installed ones are
+right.
+"""
 
 from __future__ import annotations
 
@@ -14,7 +16,13 @@ from peer_cases import CASES, Make, elbow_case
 from comparison.peers import measure_peer
 from comparison.peers.compare import unanswered
 from comparison.peers.dense_program import planar_options, planar_solutions
-from comparison.peers.environment import NOT_INSTALLED, PEERS, WorkerError, default_folder, interpreter
+from comparison.peers.environment import (
+    NOT_INSTALLED,
+    PEERS,
+    WorkerError,
+    default_folder,
+    interpreter,
+)
 from comparison.peers.measure_peer import TOLERANCE, Row, check, load_answer
 from comparison.peers.peer_problem import PeerProblem, make_problem
 
@@ -60,7 +68,9 @@ def test_one_wrong_tick_is_refused(problem: PeerProblem, quantity: str) -> None:
     assert check(answer, replace(expected, solved=np.zeros_like(solved)))["reason"]
 
 
-def test_wrong_answers_get_no_times(problem: PeerProblem, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_wrong_answers_get_no_times(
+    problem: PeerProblem, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     answer = right_answer(problem)
     answer["torque"] = answer["torque"] + 0.1
     answer["force"][3] = np.nan
@@ -77,7 +87,10 @@ def test_another_program_is_compared_with_its_own_solutions(
 ) -> None:
     _, problem = made("g1 on soles, walks")
     expected = planar_solutions(problem, every=100)
-    answer = right_answer(problem) | {"torque": expected.torque, "acceleration": expected.acceleration}
+    answer = right_answer(problem) | {
+        "torque": expected.torque,
+        "acceleration": expected.acceleration,
+    }
     np.savez(tmp_path / "answer.npz", **answer)
     script = f"import shutil, sys\nshutil.copy({str(tmp_path / 'answer.npz')!r}, sys.argv[2])\n"
     fake_peer(tmp_path, script, monkeypatch)
@@ -109,9 +122,13 @@ def test_answers_of_a_wrong_shape_or_kind_are_refused(
 @pytest.mark.long
 @pytest.mark.parametrize("peer", PEERS)
 @pytest.mark.parametrize("name", [*CASES, "elbow"])
-def test_installed_peers_find_our_solution(made: Make, name: str, peer: str, tmp_path: Path) -> None:
+def test_installed_peers_find_our_solution(
+    made: Make, name: str, peer: str, tmp_path: Path
+) -> None:
     if not interpreter(default_folder(), peer).exists():
         pytest.skip(f"{peer} is not installed")
-    problem = make_problem(elbow_case(), tmp_path / "robot.urdf") if name == "elbow" else made(name)[1]
+    problem = (
+        make_problem(elbow_case(), tmp_path / "robot.urdf") if name == "elbow" else made(name)[1]
+    )
     options = {"rewrite_equalities": True} if peer == "placo" else {}
     judge(measure_peer.measure_peer(Row(peer, options), problem, default_folder(), 1), len(problem))

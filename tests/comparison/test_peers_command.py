@@ -18,12 +18,18 @@ from comparison.peers.measure_peer import TOLERANCE
 OURS = {"condensed WBC", "whole-body QP, own search", "whole-body QP, ProxQP"}
 
 
-def command(folder: Path, monkeypatch: pytest.MonkeyPatch, *, reason: str = "") -> tuple[int, dict[str, Any]]:
-    """Exit code and numbers of the command on one short case without peers; with a reason, of ours that alone."""
+def command(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, *, reason: str = ""
+) -> tuple[int, dict[str, Any]]:
+    """Exit code and numbers of the command on one short case without peers; with a reason, of ours
+    that alone.
+    """
     for name, value in {"QUICK_CASES": ("solo12, stands",), "QUICK_RECORDING": 0.2}.items():
         monkeypatch.setattr(comparison_commands, name, value)
     if reason:
-        monkeypatch.setattr(compare, "measure_ours", lambda *_: {"whole-body QP, ProxQP": {"reason": reason}})
+        monkeypatch.setattr(
+            compare, "measure_ours", lambda *_: {"whole-body QP, ProxQP": {"reason": reason}}
+        )
     file = folder / "peers.json"
     with pytest.raises(SystemExit) as ended:
         app(["peers", "--quick", "--folder", str(folder), "--json", str(file)])
@@ -39,12 +45,18 @@ def test_the_command_reports_absent_peers_and_measures_ours(
     assert document["machine"]
     (case,) = document["peers"]["cases"].values()
     entries = case["contenders"]
-    assert entries["TSID in C++"]["reason"] == entries["placo, equalities kept"]["reason"] == NOT_INSTALLED
+    assert (
+        entries["TSID in C++"]["reason"]
+        == entries["placo, equalities kept"]["reason"]
+        == NOT_INSTALLED
+    )
     for name in (f"{own}{processor}" for own in OURS for processor in measure_peer.PROCESSORS):
         assert entries[name]["times"]["tick"]["samples"] > 0
         assert entries[name]["difference_max"]["torque"] < TOLERANCE["torque"]
         assert ("inside" in entries[name]["times"]) == ("ProxQP" not in name)
-    native, wheel = (entries[f"condensed WBC{p}"]["versions"]["flags"] for p in measure_peer.PROCESSORS)
+    native, wheel = (
+        entries[f"condensed WBC{p}"]["versions"]["flags"] for p in measure_peer.PROCESSORS
+    )
     assert "native" in native
     assert "native" not in wheel
     tables = {table.name: table for table in peer_tables(document["peers"])}
@@ -56,7 +68,9 @@ def test_the_command_reports_absent_peers_and_measures_ours(
 def test_the_command_fails_where_one_is_not_comparable(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    code, _ = command(tmp_path, monkeypatch, reason="not comparable: 3 of 200 ticks differ from our solution")
+    code, _ = command(
+        tmp_path, monkeypatch, reason="not comparable: 3 of 200 ticks differ from our solution"
+    )
     told = capsys.readouterr()
     assert code == 1
     assert "solo12, stands, whole-body QP, ProxQP: not comparable: 3 of 200" in told.err

@@ -25,14 +25,21 @@ def test_written_model_is_the_robots(tmp_path: Path, name: str) -> None:
     rng, data, own_data = np.random.default_rng(1), model.createData(), own.createData()
     q = pin.integrate(own, pin.neutral(own), rng.standard_normal(own.nv))
     v, a = rng.standard_normal((2, own.nv))
-    np.testing.assert_allclose(pin.rnea(model, data, q, v, a), pin.rnea(own, own_data, q, v, a), rtol=1e-11, atol=1e-11)
+    np.testing.assert_allclose(
+        pin.rnea(model, data, q, v, a), pin.rnea(own, own_data, q, v, a), rtol=1e-11, atol=1e-11
+    )
     pin.framesForwardKinematics(model, data, q)
     pin.framesForwardKinematics(own, own_data, q)
     links = links_of(robot)
-    for link, frame in zip(links.contacts + links.thrusters, robot.feet + robot.thrusters, strict=True):
+    for link, frame in zip(
+        links.contacts + links.thrusters, robot.feet + robot.thrusters, strict=True
+    ):
         place, expected = data.oMf[model.getFrameId(link)], own_data.oMf[own.getFrameId(frame)]
         np.testing.assert_allclose(place.homogeneous, expected.homogeneous, atol=1e-12)
     for n, link in enumerate(links.soles):
-        corners = [own_data.oMf[own.getFrameId(frame)].translation for frame in robot.feet[4 * n : 4 * n + 4]]
+        corners = [
+            own_data.oMf[own.getFrameId(frame)].translation
+            for frame in robot.feet[4 * n : 4 * n + 4]
+        ]
         middle = data.oMf[model.getFrameId(link)].translation
         np.testing.assert_allclose(middle, np.mean(corners, axis=0), atol=1e-12)

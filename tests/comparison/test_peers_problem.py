@@ -15,18 +15,28 @@ from comparison.peers.dense_program import DenseProgram, read_model
 from comparison.peers.our_replay import contenders
 from comparison.peers.peer_problem import ARRAYS, PeerProblem, make_problem
 
-DENSE = {"harpy, walks": 43, "solo12, walks": 43, "go2, stands": 89, "go2, walks": 43, "g1 on points, stands": 89} | {
-    f"{name} on soles, {what}": 67 for name in ("g1", "talos") for what in ("stands", "walks")
-}
+DENSE = {
+    "harpy, walks": 43,
+    "solo12, walks": 43,
+    "go2, stands": 89,
+    "go2, walks": 43,
+    "g1 on points, stands": 89,
+} | {f"{name} on soles, {what}": 67 for name in ("g1", "talos") for what in ("stands", "walks")}
 """Every so many ticks of each case are solved once more."""
 
 
 @pytest.mark.parametrize("name", DENSE)
 def test_what_peers_are_given_is_what_our_controllers_solve(made: Make, name: str) -> None:
-    """A dense program of the handed-over numbers, built by Pinocchio and NumPy and solved by quadprog."""
+    """A dense program of the handed-over numbers, built by Pinocchio and NumPy and solved by
+    quadprog.
+    """
     case, problem = made(name)
     ticks = range(5, len(case.sequences[0]), DENSE[name])
-    model, states, joints = read_model(problem), case.sequences[0].states, len(case.gait.robot.joints)
+    model, states, joints = (
+        read_model(problem),
+        case.sequences[0].states,
+        len(case.gait.robot.joints),
+    )
     ours = {own: make() for own, make in contenders(case).items() if "ProxQP" not in own}
     commands: dict[str, dict[int, np.ndarray]] = {own: {} for own in ours}
     for own, controller in ours.items():
@@ -43,7 +53,8 @@ def test_what_peers_are_given_is_what_our_controllers_solve(made: Make, name: st
         force = np.zeros((len(case.gait.robot.feet), 3))
         force[program.points] = x[model.nv : model.nv + 3 * len(program.points)].reshape(-1, 3)
         np.testing.assert_allclose(e.force[i], force, atol=1e-5)
-        # the search leaves multipliers of the wrong sign up to PULL, which forces of small weight feel
+        # the search leaves multipliers of the wrong sign up to PULL, which forces of small weight
+        # feel
         np.testing.assert_allclose(commands["whole-body QP, own search"][i], torque, atol=2e-4)
         if case.condensed:
             np.testing.assert_allclose(commands["condensed WBC"][i], torque, atol=2e-4)
@@ -56,7 +67,12 @@ def test_states_are_those_of_a_robot_that_stands_or_walks(made: Make, name: str)
     robot, e, counts = case.gait.robot, problem.expected, problem.counted > 0.0
     assert e.solved.all()
     weight = robot.mass * 9.81
-    measured = np.concatenate([[s.foot_force[:, 2].sum() for s in q.states] for q in case.sequences])[counts] / weight
+    measured = (
+        np.concatenate([[s.foot_force[:, 2].sum() for s in q.states] for q in case.sequences])[
+            counts
+        ]
+        / weight
+    )
     assert 0.9 < np.median(measured) < 1.1
     if name == "harpy, walks":  # thrusters bear a part
         return
@@ -80,7 +96,10 @@ def test_braking_friction_and_damping_are_handed_over(tmp_path: Path) -> None:
     problem = make_problem(case, tmp_path / "robot.urdf")
     assert (problem.brake[:, elbow] > 0.0).all()
     np.testing.assert_array_less(0.2, np.abs(problem.resistance[:, 6:]).max(axis=1))
-    model, controllers = read_model(problem), {name: make() for name, make in contenders(case).items()}
+    model, controllers = (
+        read_model(problem),
+        {name: make() for name, make in contenders(case).items()},
+    )
     idle = {"brake": 0.0, "resistance": 0.0}  # what a program without it differs by, N·m
     for i, state in enumerate(states):
         program = DenseProgram(problem, model, i)

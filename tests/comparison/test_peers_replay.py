@@ -12,8 +12,12 @@ from comparison.peers import our_replay
 from comparison.peers.peer_problem import Case
 
 
-def test_our_replay_has_arrays_of_numpys_own_dtype(made: Make, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Arrays that come out of pickle have another dtype object; a tick that converts them takes many times as long."""
+def test_our_replay_has_arrays_of_numpys_own_dtype(
+    made: Make, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Arrays that come out of pickle have another dtype object; a tick that converts them takes
+    many times as long.
+    """
     case, _ = made("solo12, stands")
     timed: list[Case] = []
     monkeypatch.setattr(our_replay, "time_ours", lambda case, repetitions: timed.append(case))

@@ -22,7 +22,8 @@ BROKEN = {
     "pass": "ended without a result",
     "import sys; open(sys.argv[2], 'w').write('garbage')": "its result cannot be read",
     "import sys; open(sys.argv[2], 'w')": "its result cannot be read",
-    "import numpy, sys; numpy.savez(sys.argv[2], versions='{}', overhead_ns=1.0)": "its result cannot be read",
+    "import numpy, sys; numpy.savez(sys.argv[2], versions='{}', "
+    "overhead_ns=1.0)": "its result cannot be read",
 }
 
 
@@ -46,7 +47,9 @@ def test_a_worker_that_breaks_is_reported(
     assert entry["reason"].startswith(BROKEN[script])
 
 
-def test_a_worker_that_hangs_or_cannot_be_started_is_given_up(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_worker_that_hangs_or_cannot_be_started_is_given_up(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     peer = fake_peer(tmp_path, "import time; time.sleep(60)", monkeypatch)
     python = interpreter(tmp_path, "fake")
     with pytest.raises(WorkerError, match="no result after"):

@@ -1,4 +1,6 @@
-"""Public benchmarks: read from small clones that the tests make in their formats, and solved like everybody's."""
+"""Public benchmarks: read from small clones that the tests make in their formats, and solved like
+everybody's.
+"""
 
 from __future__ import annotations
 
@@ -18,8 +20,12 @@ from comparison.public.solvers import KEYS, solve_with_dual, time_solvers
 from comparison.public.study import SOURCES, is_convex, mat_problems, measure_public, npz_problems
 from harpy_pin.errors import InputError
 
-MPC = Problem(np.array([[2.0, 0.5], [0.5, 1.0]]), np.array([1.0, 1.0]), -np.eye(2), np.array([0.0, -0.2]))
-"""Its second row is active: x = (0, 0.2) would need a positive slope along x₁, so x₁ = −0.55 is cut at 0."""
+MPC = Problem(
+    np.array([[2.0, 0.5], [0.5, 1.0]]), np.array([1.0, 1.0]), -np.eye(2), np.array([0.0, -0.2])
+)
+"""Its second row is active: x = (0, 0.2) would need a positive slope along x₁, so x₁ = −0.55 is cut
+at 0.
+"""
 
 
 def arrays(problem: Problem) -> dict[str, object]:
@@ -27,7 +33,9 @@ def arrays(problem: Problem) -> dict[str, object]:
 
 
 def drawn(rng: np.random.Generator, n: int = 6) -> Problem:
-    """A feasible convex program with everything that a program can have; one equality is there twice."""
+    """A feasible convex program with everything that a program can have; one equality is there
+    twice.
+    """
     root, inside = rng.standard_normal((n, n)), rng.standard_normal(n)
     rows, equal = rng.standard_normal((2 * n, n)), rng.standard_normal((2, n))
     equal = np.vstack((equal, equal[:1]))
@@ -67,7 +75,9 @@ def test_every_solver_is_judged_alike():
     found = time_solvers(problems, 1, lambda done, total: told.append((done, total)))
     assert told == [(1, 2), (2, 2)]
     for name, levels in found.items():
-        claimed = 50.0 if name == "quadprog" else 100.0  # it refuses the equality that is there twice
+        claimed = (
+            50.0 if name == "quadprog" else 100.0
+        )  # it refuses the equality that is there twice
         assert all(level["claimed_percent"] == claimed for level in levels.values()), name
     for name in ("dual (ours)", "dual (ours), memory kept", "daqp", "daqp, without qpsolvers"):
         assert found[name]["high"]["solved_percent"] == 100.0
@@ -86,7 +96,11 @@ def test_a_solver_that_raises_or_errs_has_not_solved(monkeypatch):
     monkeypatch.setattr(solvers, "SOLVERS", {"raising": raising, "wrong": wrong})
     found = time_solvers([("LIPMWALK0", MPC)], 1)
     raised, erred = found["raising"]["low"], found["wrong"]["low"]
-    assert (raised["claimed_percent"], raised["solved_percent"], raised["median_us"]) == (0.0, 0.0, None)
+    assert (raised["claimed_percent"], raised["solved_percent"], raised["median_us"]) == (
+        0.0,
+        0.0,
+        None,
+    )
     assert raised["shifted_mean_us"] == pytest.approx(10e6)
     assert (erred["claimed_percent"], erred["solved_percent"]) == (100.0, 0.0)
 
@@ -97,14 +111,21 @@ def test_programs_of_numpy_are_read_and_nothing_is_unpickled(tmp_path):
     ((name, problem),) = npz_problems(folder)
     assert name == "LIPMWALK0"
     for key, value in arrays(MPC).items():
-        assert np.array_equal(getattr(problem, key), value) if value is not None else getattr(problem, key) is None
+        assert (
+            np.array_equal(getattr(problem, key), value)
+            if value is not None
+            else getattr(problem, key) is None
+        )
 
     class Trap:
         def __reduce__(self):
             return Path.touch, (tmp_path / "sprung",)
 
     empty = np.array(None)
-    np.savez(folder / "LIPMWALK1.npz", **{**arrays(MPC), "A": np.array(Trap()), "b": empty, "lb": empty, "ub": empty})
+    np.savez(
+        folder / "LIPMWALK1.npz",
+        **{**arrays(MPC), "A": np.array(Trap()), "b": empty, "lb": empty, "ub": empty},
+    )
     assert len(list(npz_problems(folder))) == 2
     assert not (tmp_path / "sprung").exists()
     (folder / "WHLIPBAL0.npz").write_text("no file of NumPy")
@@ -117,8 +138,13 @@ def test_programs_of_matlab_are_those_with_one_side(tmp_path):
     rows = np.array([[1.0, 1.0], [1.0, -1.0], [1.0, 0.0], [0.0, 1.0]])
     lower, upper = np.array([1.0, -1e20, 0.0, -1e20]), np.array([1.0, 0.2, 1e20, 0.3])
     parts = {"P": csc_matrix(np.diag([2.0, 4.0])), "q": np.zeros((2, 1)), "A": csc_matrix(rows)}
-    savemat(folder / "SMALL.mat", {**parts, "l": lower[:, None], "u": upper[:, None], "n": 2, "m": 4})
-    savemat(folder / "FLAT.mat", {**parts, "P": csc_matrix((2, 2)), "l": lower, "u": upper, "n": 2, "m": 4})
+    savemat(
+        folder / "SMALL.mat", {**parts, "l": lower[:, None], "u": upper[:, None], "n": 2, "m": 4}
+    )
+    savemat(
+        folder / "FLAT.mat",
+        {**parts, "P": csc_matrix((2, 2)), "l": lower, "u": upper, "n": 2, "m": 4},
+    )
     flat, (name, small) = mat_problems(folder)
     assert is_convex((name, small))
     assert not is_convex(flat)
@@ -135,7 +161,10 @@ def test_programs_of_matlab_are_those_with_one_side(tmp_path):
 
 def test_command_measures_what_is_there(tmp_path, capsys):
     MPC.save(str(clone(tmp_path, "mpc") / "LIPMWALK0.npz"))
-    app(["public", "--data", str(tmp_path), "--quick", "--json", str(tmp_path / "a.json")], standalone_mode=False)
+    app(
+        ["public", "--data", str(tmp_path), "--quick", "--json", str(tmp_path / "a.json")],
+        standalone_mode=False,
+    )
     told = capsys.readouterr().out
     assert "1 dense programs of mpc_qpbenchmark" in told
     assert "no evidence" in told.splitlines()[-1]

@@ -1,4 +1,6 @@
-"""The estimator on the log of others, from files of the same format: read, estimated, and what is missing said."""
+"""The estimator on the log of others, from files of the same format: read, estimated, and what is
+missing said.
+"""
 
 from __future__ import annotations
 
@@ -17,7 +19,8 @@ FALL = 9.81
 _INERTIA = '<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/>'
 _LINK = '<link name="{0}"><inertial><mass value="{1}"/>' + _INERTIA + "</inertial></link>"
 _JOINT = (
-    '<joint name="{0}" type="continuous"><parent link="{1}"/><child link="{2}"/><origin xyz="{3}"/><axis xyz="{4}"/>'
+    '<joint name="{0}" type="continuous"><parent link="{1}"/><child link="{2}"/><origin '
+    'xyz="{3}"/><axis xyz="{4}"/>'
 )
 _LIMIT = '<limit effort="10" velocity="10"/></joint>'
 
@@ -28,8 +31,15 @@ def urdf() -> str:
     for side, y in (("left", 0.1), ("right", -0.1)):
         parent, links = "pelvis", [*(f"{side}_link_{n}" for n in range(6)), f"{side}_toe"]
         for n, (joint, link) in enumerate(zip(cassie.JOINTS, links, strict=True)):
-            place, axis = f"0 {y if n == 0 else 0} -0.1", "1 0 0" if n == 0 else "0 0 1" if n == 1 else "0 1 0"
-            text += _LINK.format(link, 1) + _JOINT.format(f"{joint}_{side}", parent, link, place, axis) + _LIMIT
+            place, axis = (
+                f"0 {y if n == 0 else 0} -0.1",
+                "1 0 0" if n == 0 else "0 0 1" if n == 1 else "0 1 0",
+            )
+            text += (
+                _LINK.format(link, 1)
+                + _JOINT.format(f"{joint}_{side}", parent, link, place, axis)
+                + _LIMIT
+            )
             parent = link
     return text + "</robot>"
 
@@ -62,7 +72,9 @@ def test_the_log_is_read_and_estimated(clones: Path, capsys: pytest.CaptureFixtu
     assert found["velocity_cm_s"] < 1.0
     assert found["tilt_deg"] < 0.2
     assert found["trajectory_mm"] < 1.0
-    app(["recorded", "--data", str(clones), "--json", str(clones / "a.json")], standalone_mode=False)
+    app(
+        ["recorded", "--data", str(clones), "--json", str(clones / "a.json")], standalone_mode=False
+    )
     assert "Cassie" in capsys.readouterr().out
 
 

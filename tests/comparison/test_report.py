@@ -1,4 +1,6 @@
-"""The report: its answer, its page, that the CSV holds every number and every figure, and what changed between two."""
+"""The report: its answer, its page, that the CSV holds every number and every figure, and what
+changed between two.
+"""
 
 from __future__ import annotations
 
@@ -55,12 +57,22 @@ def document_of(
     worst = {name: {"slip_mm_per_step": spread(159.0)} for name in NAMES}
     worst["governed/filter"]["slip_mm_per_step"] = spread(25.0)
     settings = {"duration": 2.5, "frictions": [0.15, 0.8]}
-    times = {name: {"p50_us": tick, "p99_us": 2.0 * tick} for name, tick in zip(NAMES, ticks, strict=True)}
-    contenders = {name: entry | ({} if name == "wbc" else {"inside_c": entry}) for name, entry in times.items()}
+    times = {
+        name: {"p50_us": tick, "p99_us": 2.0 * tick}
+        for name, tick in zip(NAMES, ticks, strict=True)
+    }
+    contenders = {
+        name: entry | ({} if name == "wbc" else {"inside_c": entry})
+        for name, entry in times.items()
+    }
     contenders["wbc"]["own_timer"] = {"p50_us": 0.75 * ticks[-1]}
     return {
         "ticks": {"friction": 0.25, "contenders": contenders},
-        "campaign": {"whole": whole, "settings": settings, "factors": {"friction": {"0.8": whole, "0.15": worst}}},
+        "campaign": {
+            "whole": whole,
+            "settings": settings,
+            "factors": {"friction": {"0.8": whole, "0.15": worst}},
+        },
         "checks": {"passed": True},
     }
 
@@ -71,20 +83,41 @@ def words_of(document: dict[str, Any]) -> str:
 
 def test_words_follow_from_the_numbers() -> None:
     text = words_of(document_of())
-    assert "slip least with: whole-body QP by ProxQP, 0.5 mm per step; next contact-force filter, 1 (2.0×)." in text
-    assert "The paper's governor makes more slip: 4 mm per step with it, 2 without, 3.5 in its best variant." in text
-    cost = "A tick of the paper's governor takes 12 µs; that of the condensed WBC 1.5 times as long, of the whole-body "
-    cost += "QP 2.67 times by own search and 30 times by ProxQP (360 µs, of which 270 by ProxQP's own timer). "
-    assert cost + "The condensed WBC takes 0.562 of the QP's time by own search, and 0.05 by ProxQP." in text
+    assert (
+        "slip least with: whole-body QP by ProxQP, 0.5 mm per step; next contact-force filter, 1 "
+        "(2.0×)." in text
+    )
+    assert (
+        "The paper's governor makes more slip: 4 mm per step with it, 2 without, 3.5 in its best "
+        "variant." in text
+    )
+    cost = (
+        "A tick of the paper's governor takes 12 µs; that of the condensed WBC 1.5 times as "
+        "long, of the whole-body "
+    )
+    cost += (
+        "QP 2.67 times by own search and 30 times by ProxQP (360 µs, of which 270 by ProxQP's "
+        "own timer). "
+    )
+    assert (
+        cost + "The condensed WBC takes 0.562 of the QP's time by own search, and 0.05 by ProxQP."
+        in text
+    )
     assert "Every timed command equals an untimed one." in text
 
 
 def test_other_numbers_turn_the_words_around() -> None:
     ticks, slips = (90.0, 80.0, 75.0, 70.0, 60.0, 5.0, 4.0), (3.0, 1.0, 4.0, 2.0, 50.0, 40.0, 40.0)
     text = words_of(document_of(ticks, slips, (10, 0, 4, 3, 10, 9, 9)))
-    assert "slip least with: paper's governor, 1 mm per step; next contact-force filter, 2 (2.0×)." in text
+    assert (
+        "slip least with: paper's governor, 1 mm per step; next contact-force filter, 2 (2.0×)."
+        in text
+    )
     assert "makes less slip: 1 mm per step with it, 3 without, 4 in its best variant." in text
-    cost = "the condensed WBC 0.75 times as long, of the whole-body QP 0.0625 times by own search and 0.05 times by "
+    cost = (
+        "the condensed WBC 0.75 times as long, of the whole-body QP 0.0625 times by own search "
+        "and 0.05 times by "
+    )
     assert cost + "ProxQP (4 µs, of which 3 by ProxQP's own timer)." in text
 
 
@@ -144,10 +177,20 @@ def test_the_answer_fits_the_terminal_whatever_the_numbers(document: dict[str, A
 
 
 def test_tables_for_a_terminal_never_break_a_cell() -> None:
-    cells = [Cell("a contender", f"measure {i}", 1234.5 + i, "mm", 1000.0, 2000.0) for i in range(12)]
-    cells.append(Cell("absent", "no times", "a reason that is far too long to stand in the column of any table"))
+    cells = [
+        Cell("a contender", f"measure {i}", 1234.5 + i, "mm", 1000.0, 2000.0) for i in range(12)
+    ]
+    cells.append(
+        Cell(
+            "absent",
+            "no times",
+            "a reason that is far too long to stand in the column of any table",
+        )
+    )
     table = Table(
-        "x", "A title that is longer than the terminal is wide, so that it has to go on below it", tuple(cells)
+        "x",
+        "A title that is longer than the terminal is wide, so that it has to go on below it",
+        tuple(cells),
     )
     text = table.to_string(80)
     assert max(map(len, text.splitlines())) <= 80
@@ -157,7 +200,9 @@ def test_tables_for_a_terminal_never_break_a_cell() -> None:
     assert "absent: a reason that is far too long" in text
 
 
-def test_text_is_escaped_wherever_it_stands_on_the_page(document: dict[str, Any], rendered: str) -> None:
+def test_text_is_escaped_wherever_it_stands_on_the_page(
+    document: dict[str, Any], rendered: str
+) -> None:
     evil = "<script>alert('&')</script><img src=x onerror=1>"
     strange = copy.deepcopy(document)
     strange["machine"]["cpu"] = evil
@@ -265,7 +310,10 @@ def test_the_page_needs_nothing_beside_it(document: dict[str, Any], rendered: st
 
 
 def test_the_page_warns_of_times_that_were_not_verified(document: dict[str, Any]) -> None:
-    assert "do not use" in Reader(render(document | {"checks": document["checks"] | {"passed": False}})).text
+    assert (
+        "do not use"
+        in Reader(render(document | {"checks": document["checks"] | {"passed": False}})).text
+    )
 
 
 def test_every_number_of_the_page_is_in_the_csv(document: dict[str, Any]) -> None:
@@ -293,7 +341,9 @@ def test_the_front_is_what_nobody_betters() -> None:
     points = {"a": (1.0, 5.0), "b": (2.0, 6.0), "c": (3.0, 1.0), "d": (3.0, 2.0), "e": (9.0, 1.0)}
     assert pareto_front(points) == ["a", "c"]
     with pytest.raises(InputError, match="no contender"):
-        pareto_figure(Table("pareto", "", (Cell("x", "tick, median", 1.0), Cell("x", "slip per step", None))))
+        pareto_figure(
+            Table("pareto", "", (Cell("x", "tick, median", 1.0), Cell("x", "slip per step", None)))
+        )
 
 
 def test_labels_of_the_pareto_figure_do_not_cover_each_other() -> None:
@@ -320,7 +370,12 @@ def test_labels_of_the_pareto_figure_do_not_cover_each_other() -> None:
 
 def test_the_report_is_three_files(document: dict[str, Any], rendered: str, tmp_path: Path) -> None:
     write_report(OwnFolder(tmp_path), document)
-    assert sorted(p.name for p in tmp_path.iterdir()) == [OwnFolder.LIST, "report.html", "results.csv", "results.json"]
+    assert sorted(p.name for p in tmp_path.iterdir()) == [
+        OwnFolder.LIST,
+        "report.html",
+        "results.csv",
+        "results.json",
+    ]
     assert json.loads((tmp_path / "results.json").read_text()) == json.loads(json.dumps(document))
     assert (tmp_path / "report.html").read_text(encoding="utf-8") == rendered
 

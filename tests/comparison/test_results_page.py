@@ -53,7 +53,10 @@ def test_what_a_comment_chooses_replaces_what_was_there():
 
     new = filled(PAGE, table_of)
     assert asked == [("study", "walks")]
-    assert "| | slip, mm |\n| --- | ---: |\n| wbc | 0.25 (0.2–0.31) |\n| none | 12.3 |\n\nText after it." in new
+    assert (
+        "| | slip, mm |\n| --- | ---: |\n| wbc | 0.25 (0.2–0.31) |\n| none | 12.3 |\n\nText after "
+        "it." in new
+    )
     assert "gone" not in new
     assert new.endswith("| stays | 2 |\n")
     assert filled(new, table_of) == new
@@ -62,7 +65,8 @@ def test_what_a_comment_chooses_replaces_what_was_there():
 def test_all_rows_and_columns_are_shown_with_their_units_and_turned():
     assert (
         markdown(TABLE)
-        == "| | fell | slip, mm |\n| --- | ---: | ---: |\n| none | 3 | 12.3 |\n| wbc | 0 | 0.25 (0.2–0.31) |\n"
+        == "| | fell | slip, mm |\n| --- | ---: | ---: |\n| none | 3 | 12.3 |\n| wbc | 0 | 0.25 "
+        "(0.2–0.31) |\n"
     )
     assert markdown(TABLE, turned=True, rows={"wbc": "QP"}).splitlines() == [
         "| | QP |",
@@ -77,7 +81,9 @@ NAMES = st.text("abc, 123", min_size=1, max_size=6).map(str.strip).filter(bool)
 
 @given(st.dictionaries(st.tuples(NAMES, NAMES), st.floats(0.0, 1e6), min_size=1))
 def test_figures_are_read_as_they_were_written(values):
-    table = Table("t", "t", tuple(Cell(row, column, value) for (row, column), value in values.items()))
+    table = Table(
+        "t", "t", tuple(Cell(row, column, value) for (row, column), value in values.items())
+    )
     page = filled('<!-- figures\ntable = "s/t"\n-->\n', lambda source, name: table)
     read = read_blocks(page)["s/t"]
     assert set(read) == {(row, column) for row in table.rows for column in table.columns}
@@ -100,8 +106,19 @@ def test_comments_that_are_wrong(comment, message):
 
 
 def test_a_record_is_read_as_it_was_written(tmp_path):
-    odd = Table("odd", "All sorts", (Cell("a [0]", "x, {y}", None), Cell('"b"', "µs", True, "", 1e-9, None)), "A note.")
-    document = {"commit": "0123abcd+", "code": "00", "machine": {"cpu": "one"}, "versions": {"numpy": "2"}, "walks": []}
+    odd = Table(
+        "odd",
+        "All sorts",
+        (Cell("a [0]", "x, {y}", None), Cell('"b"', "µs", True, "", 1e-9, None)),
+        "A note.",
+    )
+    document = {
+        "commit": "0123abcd+",
+        "code": "00",
+        "machine": {"cpu": "one"},
+        "versions": {"numpy": "2"},
+        "walks": [],
+    }
     Record.of("python -m comparison odd", document, [TABLE, odd]).save("odd", tmp_path)
     read = Record.load("odd", tmp_path)
     assert read.tables == {"walks": TABLE, "odd": odd}
@@ -118,12 +135,16 @@ def test_a_file_that_is_no_record_is_named(tmp_path, text):
 
 
 def test_what_was_never_measured_is_named_with_its_command(tmp_path):
-    with pytest.raises(RunFileError, match="nothing is recorded of 'wide': python -m comparison results wide"):
+    with pytest.raises(
+        RunFileError, match="nothing is recorded of 'wide': python -m comparison results wide"
+    ):
         Record.load("wide", tmp_path)
 
 
 def test_only_what_the_folder_lacks_is_measured_and_pages_follow(tmp_path, monkeypatch):
-    """The command of a source is run once; its record then makes the table, and without it again."""
+    """The command of a source is run once; its record then makes the table, and without it
+    again.
+    """
     run = []
 
     class Ended:
@@ -131,8 +152,20 @@ def test_only_what_the_folder_lacks_is_measured_and_pages_follow(tmp_path, monke
 
     def measured(words, **_):
         run.append(words[1:-2])
-        row = {"ground": "8 kN/m", "friction": 0.25, "walker": "condensed", "dt_s": 5e-4, "ending": "completed"}
-        numbers = {"end_time_s": 6.0, "distance_m": 1.8, "normal_n": 60.0, "path_mm": 0.5, "net_mm": 0.25}
+        row = {
+            "ground": "8 kN/m",
+            "friction": 0.25,
+            "walker": "condensed",
+            "dt_s": 5e-4,
+            "ending": "completed",
+        }
+        numbers = {
+            "end_time_s": 6.0,
+            "distance_m": 1.8,
+            "normal_n": 60.0,
+            "path_mm": 0.5,
+            "net_mm": 0.25,
+        }
         with open(words[-1], "w") as file:
             json.dump({"commit": "abc", "walks": [{**row, **numbers}]}, file)
         return Ended()
@@ -146,7 +179,9 @@ def test_only_what_the_folder_lacks_is_measured_and_pages_follow(tmp_path, monke
         assert command.measured("grounds", data, records)
         command.fill_pages(tmp_path, records)
     assert run == [["-m", "comparison", "grounds", "--out", str(data / "grounds.jsonl")]]
-    assert read_blocks(page.read_text())["grounds/grounds_0.25_net"] == {("condensed WBC", "8 kN/m"): "0.25"}
+    assert read_blocks(page.read_text())["grounds/grounds_0.25_net"] == {
+        ("condensed WBC", "8 kN/m"): "0.25"
+    }
     assert Record.load("grounds", records).origin["commit"] == "abc"
 
 
@@ -155,9 +190,19 @@ def test_a_report_of_the_paper_is_a_source(tmp_path, monkeypatch):
         returncode = 0
 
     def measured(words, **_):
-        assert words[1:-2] == ["-m", "reproduction", "paper", "--out", str(tmp_path / "data" / "paper")]
+        assert words[1:-2] == [
+            "-m",
+            "reproduction",
+            "paper",
+            "--out",
+            str(tmp_path / "data" / "paper"),
+        ]
         finding = {"claim": "Q4", "text": "It walks.", "verdict": "holds", "number": "2 m"}
-        inside = {"violation_share": 0.5, "worst_violation_n": 2.0, "reversals_per_s": {"1": 1.5, "2": 3.0}}
+        inside = {
+            "violation_share": 0.5,
+            "worst_violation_n": 2.0,
+            "reversals_per_s": {"1": 1.5, "2": 3.0},
+        }
         numbers = {"claims": [{**finding, "gait": gait} for gait in ("hand", "optimised")]}
         with open(words[-1], "w") as file:
             json.dump({**numbers, "vlip_inside": {"margin": inside}}, file)
@@ -171,7 +216,9 @@ def test_a_report_of_the_paper_is_a_source(tmp_path, monkeypatch):
         "| Q4, hand | It walks. | holds | 2 m |",
         "| Q4, optimised | | holds | 2 m |",
     ]
-    assert markdown(record.tables["vlip_inside"]).splitlines()[2:] == ["| margin | 50 | 2 | 1.5 | 3 |"]
+    assert markdown(record.tables["vlip_inside"]).splitlines()[2:] == [
+        "| margin | 50 | 2 | 1.5 | 3 |"
+    ]
 
 
 def test_a_command_that_fails_leaves_its_record(tmp_path, monkeypatch):
@@ -191,7 +238,10 @@ def test_unknown_sources_are_refused_before_anything_is_measured(tmp_path):
 
 def test_every_source_is_a_command_of_ours(tmp_path):
     """Its words are understood, with the file that is asked for."""
-    programs = {"comparison": typer.main.get_command(app), "reproduction": typer.main.get_command(reproduction_app)}
+    programs = {
+        "comparison": typer.main.get_command(app),
+        "reproduction": typer.main.get_command(reproduction_app),
+    }
     for source, text in command.SOURCES.items():
         out = [] if source in command.WITHOUT_OUT else ["--out", str(tmp_path / "x")]
         name, *words = [*text.split(), *out, "--json", str(tmp_path / "x.json")]

@@ -1,4 +1,6 @@
-"""Sections of the comparison: what they report of correctness, and that their counts add up. No time is judged."""
+"""Sections of the comparison: what they report of correctness, and that their counts add up. No
+time is judged.
+"""
 
 from __future__ import annotations
 
@@ -28,7 +30,9 @@ def test_ticks_count_every_controller_and_add_up(whole_document: dict[str, Any])
     assert all(entry["cold_p50_us"] > 0.0 for entry in ticks.values())
     inside = {name: entry["inside_c"] for name, entry in ticks.items() if "inside_c" in entry}
     assert ticks.keys() - inside.keys() == BY_PYTHON
-    assert all((e["differing"], e["samples"]) == (0, ticks[name]["samples"]) for name, e in inside.items())
+    assert all(
+        (e["differing"], e["samples"]) == (0, ticks[name]["samples"]) for name, e in inside.items()
+    )
     assert whole_document["ticks"]["own_walks"].keys() == set(CONTENDERS)
     own_timer = ticks["wbc"]["own_timer"]
     assert own_timer["samples"] == ticks["wbc"]["samples"]
@@ -39,7 +43,9 @@ def test_ticks_count_every_controller_and_add_up(whole_document: dict[str, Any])
 def test_contenders_of_the_ticks_agree_where_they_are_the_same() -> None:
     """By every solver the QP controller gives the same commands."""
     robot = hp.load_harpy()
-    states = record_states(OWN, recorded_walk(OWN, friction=0.25, duration=0.8, impulse=3.0), least=1).states
+    states = record_states(
+        OWN, recorded_walk(OWN, friction=0.25, duration=0.8, impulse=3.0), least=1
+    ).states
     controllers = make_all(robot, 0.25)
     commands: dict[str, list[Any]] = {}
     for name in (OWN, "wbc", "wbc/daqp"):
@@ -57,7 +63,9 @@ def test_formulations_are_the_same_problem(whole_document: dict[str, Any]) -> No
             row = section[f"{formulation}, {solver}"]
             assert row["unsolved"] == 0
             assert row["violation_max"] < 1e-4
-            limit = {"active_set": 1e-5, "daqp": 1e-5, "quadprog": 1e-5, "proxqp": 1e-3}.get(solver, 0.5)
+            limit = {"active_set": 1e-5, "daqp": 1e-5, "quadprog": 1e-5, "proxqp": 1e-3}.get(
+                solver, 0.5
+            )
             if formulation == "contact_force":  # another optimum where a motor is at its limit
                 limit = 0.5
             assert row["difference_max"] < limit, (formulation, solver)
@@ -82,9 +90,16 @@ def test_growth_reports_what_is_absent(monkeypatch: pytest.MonkeyPatch) -> None:
     assert entry["absent"].keys() == growth.ROBOTS.keys()
     assert entry["freedoms"]["exponents"]["terms"] is None  # one size has no slope
     assert entry["faces"]["exponents"]["full"] is not None
-    assert all(row["unsolved"] == 0.0 for kind in ("faces", "contacts") for row in entry[kind]["cases"].values())
+    assert all(
+        row["unsolved"] == 0.0
+        for kind in ("faces", "contacts")
+        for row in entry[kind]["cases"].values()
+    )
     notes = [table.note for table in growth.growth_tables(entry)]
-    assert "Solo12 ('solo_description/robots/solo12.urdf' is in example-robot-data: pip install" in notes[1]
+    assert (
+        "Solo12 ('solo_description/robots/solo12.urdf' is in example-robot-data: pip install"
+        in notes[1]
+    )
 
 
 def test_exponent_of_a_power() -> None:
@@ -97,7 +112,13 @@ def test_walks_beside_the_wall_clock(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(ticks, "CONTENDERS", ("governed/paper", OWN, "wbc"))
     pieces: list[int] = []
     settings, rng = TimingSettings(repetitions=2), np.random.default_rng(0)
-    bench = Bench(robot=hp.load_harpy(), friction=0.8, settings=settings, rng=rng, on_pass=lambda: pieces.append(1))
+    bench = Bench(
+        robot=hp.load_harpy(),
+        friction=0.8,
+        settings=settings,
+        rng=rng,
+        on_pass=lambda: pieces.append(1),
+    )
     entry = ticks.time_simulator(bench, duration=0.1)
     assert len(pieces) == 3 * ticks.WALKS
     for row in entry["walk"].values():

@@ -23,24 +23,50 @@ from comparison.tables import Table
 from harpy_pin.files import finite
 
 TINY: dict[str, dict[str, Any]] = {
-    "assumption": {"walkers": ("governed/none", "condensed"), "errors": (0.0, 1.5), "duration": 3.0},
+    "assumption": {
+        "walkers": ("governed/none", "condensed"),
+        "errors": (0.0, 1.5),
+        "duration": 3.0,
+    },
     "grounds": {"walkers": ("governed/none", "governed/paper"), "duration": 0.1},
-    "contacts": {"walkers": ("governed/none", "condensed", contacts.GENTLE), "starts": 2, "duration": 1.0},
+    "contacts": {
+        "walkers": ("governed/none", "condensed", contacts.GENTLE),
+        "starts": 2,
+        "duration": 1.0,
+    },
     "crossings": {},
     "delay": {"delays": (0, 2), "noises": (0.5,), "duration": 0.5},
     "flights": {"names": ("walk", "jump 0.4 m")},
     "ice": {"duration": 2.5},
-    "limits": {"torque": (0.5,), "damping": (50.0,), "bandwidth": (), "viscous": (), "duration": 0.2},
-    "plants": {"walkers": ("governed/none", "condensed"), "duration": 0.1, "repetitions": 1, "laps": 4},
+    "limits": {
+        "torque": (0.5,),
+        "damping": (50.0,),
+        "bandwidth": (),
+        "viscous": (),
+        "duration": 0.2,
+    },
+    "plants": {
+        "walkers": ("governed/none", "condensed"),
+        "duration": 0.1,
+        "repetitions": 1,
+        "laps": 4,
+    },
     "pushes": {"plants": ("compliant",)},
     "robots": {"robots": ("solo12", "solo8"), "duration": 1.0},
-    "slopes": {"degrees": (0.0, 30.0), "frictions": (0.1, 0.8), "walkers": ("no_thrust", "go2"), "duration": 0.2},
+    "slopes": {
+        "degrees": (0.0, 30.0),
+        "frictions": (0.1, 0.8),
+        "walkers": ("no_thrust", "go2"),
+        "duration": 0.2,
+    },
     "steering": {"course": 1.0, "duration": 3.0, "pushes": ()},
     "thrusters": {"lags": (0.1,), "duration": 0.2},
     "walking": {"course": 1.0, "duration": 2.0},
     "rates": {"seconds": 1.2, "size": 16, "rounds": 1},
 }
-"""Settings of a look, with even less; the policy and the microcontrollers have tests of their own."""
+"""Settings of a look, with even less; the policy and the microcontrollers have tests of their
+own.
+"""
 OF_ROBOTS = ("crossings", "pushes", "robots", "slopes", "walking")
 _found: dict[str, Rows] = {}
 
@@ -53,12 +79,18 @@ def rows_of(name: str) -> Rows:
 
 
 def tables_of(name: str, rows: Rows | None = None) -> dict[str, Table]:
-    return {table.name: table for table in STUDIES[name].tables(rows_of(name) if rows is None else rows)}
+    return {
+        table.name: table for table in STUDIES[name].tables(rows_of(name) if rows is None else rows)
+    }
 
 
-@pytest.mark.parametrize("name", [pytest.param(n, marks=needs_robots if n in OF_ROBOTS else ()) for n in TINY])
+@pytest.mark.parametrize(
+    "name", [pytest.param(n, marks=needs_robots if n in OF_ROBOTS else ()) for n in TINY]
+)
 def test_a_document_makes_the_tables(name):
-    """Its rows are told apart by their jobs, JSON holds them, and the tables made of them fit a terminal."""
+    """Its rows are told apart by their jobs, JSON holds them, and the tables made of them fit a
+    terminal.
+    """
     study, rows = STUDIES[name], rows_of(name)
     settings = study.settings(quick=True, **TINY[name])
     jobs = [*study.jobs(settings), *study.timed(settings)]
@@ -79,7 +111,9 @@ def test_grounds_show_slip_or_when_a_walk_fell():
     rows[0] |= {"ending": "fell", "end_time_s": 1.5}
     tables = tables_of("grounds", rows)
     assert tables["grounds_0.25_path"].get("no governor", "4 kN/m").value == "fell at 1.50 s"
-    fine = [row for row in rows if (row["ground"], row["walker"]) == ("40 kN/m", "governed/paper")][-1]
+    fine = [row for row in rows if (row["ground"], row["walker"]) == ("40 kN/m", "governed/paper")][
+        -1
+    ]
     found = tables["grounds_engines"].number("paper's governor, 0.25, 40 kN/m", "half the step")
     assert found == fine["path_mm"]
 
@@ -89,37 +123,57 @@ def test_engines_that_are_not_installed_are_left_out(monkeypatch):
         monkeypatch.setattr(study, "installed_version", lambda: None)
     names = ("contacts", "grounds", "plants", "thrusters")
     jobs = {name: list(STUDIES[name].jobs(STUDIES[name].settings())) for name in names}
-    assert {job["plant"] for job in jobs["plants"]} == {"compliant", "0.1 ms", "pinocchio", "0.25 mm/s"}
+    assert {job["plant"] for job in jobs["plants"]} == {
+        "compliant",
+        "0.1 ms",
+        "pinocchio",
+        "0.25 mm/s",
+    }
     assert not any("MuJoCo" in str(job) for job in (*jobs["grounds"], *jobs["thrusters"]))
     assert {job["contact"] for job in jobs["contacts"]} == {"ours"}
 
 
 def test_plants_show_slip_or_how_many_fell():
     rows = [dict(row) for row in rows_of("plants")]
-    walks = [row for row in rows if row.get("plant") == "pinocchio" and row["walker"] == "condensed"]
+    walks = [
+        row for row in rows if row.get("plant") == "pinocchio" and row["walker"] == "condensed"
+    ]
     assert {row["friction"] for row in walks} == {0.8, 0.25}
     (slick,) = (row for row in walks if row["friction"] == 0.25)
     tables = tables_of("plants", rows)
-    assert tables["plants_0.25_path"].get("condensed", "pinocchio").value == f"{slick['path_mm']:.2f}"
+    assert (
+        tables["plants_0.25_path"].get("condensed", "pinocchio").value == f"{slick['path_mm']:.2f}"
+    )
     slick["ending"] = "fell"
-    assert tables_of("plants", rows)["plants_0.25_net"].get("condensed", "pinocchio").value == "fell 1/1"
+    assert (
+        tables_of("plants", rows)["plants_0.25_net"].get("condensed", "pinocchio").value
+        == "fell 1/1"
+    )
     (times,) = (row for row in rows if row.get("robot") == "harpy")
     assert tables["plants_times"].number("harpy", "pin.aba") == times["aba"]["p50"] > 0.0
 
 
 def on(contact: str, walker: str) -> Rows:
-    return [row for row in rows_of("contacts") if (row["contact"], row["walker"]) == (contact, walker)]
+    return [
+        row for row in rows_of("contacts") if (row["contact"], row["walker"]) == (contact, walker)
+    ]
 
 
 def test_creep_is_taken_apart():
-    """Ours does not creep. On MuJoCo's own contact all that the law slips is creep, and assuming less makes less."""
+    """Ours does not creep. On MuJoCo's own contact all that the law slips is creep, and assuming
+    less makes less.
+    """
     assert all(row["creep_mm"] == 0.0 for row in rows_of("contacts") if row["contact"] == "ours")
-    for full, gentle in zip(*(on("MuJoCo default", w) for w in ("condensed", contacts.GENTLE)), strict=True):
+    for full, gentle in zip(
+        *(on("MuJoCo default", w) for w in ("condensed", contacts.GENTLE)), strict=True
+    ):
         assert full["creep_mm"] == pytest.approx(full["path_mm"], rel=0.03)
         assert gentle["creep_mm"] < 0.6 * full["creep_mm"]
     for row in on("MuJoCo default", "governed/none"):
         assert row["path_mm"] > 1.2 * row["creep_mm"]
-        assert row["sliding"] > 3.0 * max(row["sliding"] for row in on("MuJoCo default", "condensed"))
+        assert row["sliding"] > 3.0 * max(
+            row["sliding"] for row in on("MuJoCo default", "condensed")
+        )
 
 
 def test_tables_of_contacts_have_median_least_and_largest():
@@ -183,7 +237,10 @@ def test_slip_belongs_to_the_step_it_happens_in():
     position, force, path = np.zeros((2250, 2, 3)), np.zeros((2250, 2, 3)), np.zeros((2250, 2))
     position[:, 0, 0], force[:, 0, 2] = np.array([0.1, 0.7, 1.5])[step.astype(int)], 30.0
     path[:, 0] = np.cumsum(np.array([1.0, 20.0, 3.0])[step.astype(int)] * 1e-3 / 750)
-    run = hp.Run({"t": t, "foot_position": position, "foot_force": force, "slip_path": path}, {"ending": "completed"})
+    run = hp.Run(
+        {"t": t, "foot_position": position, "foot_force": force, "slip_path": path},
+        {"ending": "completed"},
+    )
     slips = ice.slips(run, 0.6, 1.2)
     assert slips["ice_mm"] == pytest.approx([20.0])
     assert slips["after_mm"] == pytest.approx([3.0])
@@ -197,7 +254,9 @@ def test_at_limits_controllers_and_robot_get_what_the_job_says():
         assert actuators.torque_share == share
         assert actuators.coulomb_friction == (0.3 if job["kind"] == "coulomb" else 0.0)
         if scenario.controller.name == "condensed":
-            assert scenario.controller.parameters.get("limits", {}).get("torque_scale", 1.0) == share
+            assert (
+                scenario.controller.parameters.get("limits", {}).get("torque_scale", 1.0) == share
+            )
         if job["kind"] == "damping":
             with open(scenario.urdf) as file:
                 assert file.read().count('damping="5"') == 6
@@ -209,7 +268,12 @@ def test_tables_show_falls_or_the_median():
     summary, table = tables_of("limits", rows).values()
     assert table.get("damping 5 N·m·s/rad", "none").value == "fell 1/2"
     assert summary.get("none", "limits: fell").value == "1 of 2"
-    assert tables_of("limits", rows[1:])["limits_straight_0.8"].get("damping 5 N·m·s/rad", "none").value == "0.25"
+    assert (
+        tables_of("limits", rows[1:])["limits_straight_0.8"]
+        .get("damping 5 N·m·s/rad", "none")
+        .value
+        == "0.25"
+    )
     row = {"plant": "ours", "friction": 0.25, "bandwidth": 50.0, "lag": 0.1, "walker": "QP"}
     row |= {"turning_lag": 0.0, "failing": None, "thrust_n": 8.0, "thrust_w": 300.0}
     rows = [{**row, "fell": fell, "slip_mm_per_step": 0.25} for fell in (True, False)]
@@ -218,7 +282,10 @@ def test_tables_show_falls_or_the_median():
     assert [table.get(*place).value for table in found] == ["fell 1/2", "", ""]
     _, *found = tables_of("thrusters", rows[1:]).values()
     assert [table.get(*place).value for table in found] == ["0.25", "8", "300"]
-    for change, named in (({"turning_lag": 0.05}, "directions 50 ms"), ({"failing": 0.5}, "50 % of one left")):
+    for change, named in (
+        ({"turning_lag": 0.05}, "directions 50 ms"),
+        ({"failing": 0.5}, "50 % of one left"),
+    ):
         found = tables_of("thrusters", [{**rows[1], "lag": 0.0, "bandwidth": None, **change}])
         assert found["thrusters_slip_ours_0.25"].get(named, "QP").value == "0.25"
 
@@ -230,7 +297,10 @@ def test_thrusters_and_those_who_know_them_get_what_the_job_says():
         actuators, known = scenario.disturbances.actuators, dict(scenario.controller.parameters)
         assert known.pop("solver", None) == ("active_set" if "QP" in job["walker"] else None)
         assert actuators.bandwidth == job["bandwidth"]
-        assert (actuators.thrusters.lag, actuators.thrusters.turning_lag) == (job["lag"], job["turning_lag"])
+        assert (actuators.thrusters.lag, actuators.thrusters.turning_lag) == (
+            job["lag"],
+            job["turning_lag"],
+        )
         assert (actuators.thrusters.failing or (0, 0, None))[2] == job["failing"]
         if "knows" in job["walker"]:
             assert known == {"thrust_lag": job["lag"], "thrust_turning_lag": job["turning_lag"]}
@@ -240,7 +310,13 @@ def test_thrusters_and_those_who_know_them_get_what_the_job_says():
 
 
 def steered(**changes: Any) -> hp.Scenario:
-    job = {"what": "pushed", "controller": "condensed", "plant": "compliant", "number": 5, "impulse": 10.0}
+    job = {
+        "what": "pushed",
+        "controller": "condensed",
+        "plant": "compliant",
+        "number": 5,
+        "impulse": 10.0,
+    }
     return steering.scenario(job | {"duration": 7.0, "seed": 3, **changes})
 
 
@@ -269,7 +345,10 @@ def test_a_look_at_steering_walks_every_kind_and_counts_falls_apart():
     rows = rows_of("steering")
     assert {row["what"] for row in rows} == {"course", "random", "slippery", "absurd"}
     assert not any(row["fell"] for row in rows)
-    assert tables_of("steering")["steering_commands"].get("course, compliant, condensed", "fell").value == "0 of 1"
+    assert (
+        tables_of("steering")["steering_commands"].get("course, compliant, condensed", "fell").value
+        == "0 of 1"
+    )
     rows = [{**rows[0], "what": "pushed", "impulse": 12.0, "fell": k < 2} for k in range(3)]
     pushes = tables_of("steering", rows)["steering_pushes"]
     assert pushes.get("12 N·s, condensed", "fell").value == "2 of 3"
@@ -291,10 +370,19 @@ def test_tables_of_flights_have_the_worst_of_all_and_slopes_side_by_side():
     def rows(flight: str, stands: bool, **measures: float) -> Rows:
         who = {"flight": flight, "controller": "condensed", "seed": 200, "stands": stands}
         worse = {name: 2.0 * value for name, value in measures.items()}
-        return [{**who, "plant": plant, **found} for plant, found in (("compliant", measures), ("mujoco", worse))]
+        return [
+            {**who, "plant": plant, **found}
+            for plant, found in (("compliant", measures), ("mujoco", worse))
+        ]
 
-    walks = rows("walk", True, cost=30.0) + rows("walk, 20° up", True, cost=90.0) + rows("jump 0.4 m, 20° up", False)
-    tables = tables_of("flights", walks + rows("fly 2 m to 15° up, walk on", True, cost=1.0, slip_mm=0.5))
+    walks = (
+        rows("walk", True, cost=30.0)
+        + rows("walk, 20° up", True, cost=90.0)
+        + rows("jump 0.4 m, 20° up", False)
+    )
+    tables = tables_of(
+        "flights", walks + rows("fly 2 m to 15° up, walk on", True, cost=1.0, slip_mm=0.5)
+    )
     uphill, everything = tables["flights_uphill"], tables["flights_all"]
     assert [uphill.get("walk", f"{angle}°").value for angle in (0, 20)] == ["60", "180"]
     assert uphill.get("jump 0.4 m", "20°").value == "2 of 2 fall"
@@ -310,12 +398,18 @@ def test_every_flight_is_as_its_row_says(name):
     fans = scenario.disturbances.actuators.thrusters
     lag = next((k for k in (30, 100, 300) if f"{k} ms" in name), 0)
     assert fans.lag == one.lag == pytest.approx(1e-3 * lag)
-    assert scenario.controller.parameters.get("thrust_lag", 0.0) == (one.lag if "known" in name else 0.0)
+    assert scenario.controller.parameters.get("thrust_lag", 0.0) == (
+        one.lag if "known" in name else 0.0
+    )
     assert (fans.failing is not None) == ("half" in name)
     assert (scenario.plant.name, scenario.disturbances.seed) == ("mujoco", 7)
     slope = next((k for k in (10, 15, 20) if f"{k}°" in name), 0) * (-1 if "down" in name else 1)
     terrain = scenario.ground.terrain
-    rise = 0.0 if terrain is None else float(np.diff(terrain.height(np.array([2.0, 2.1]), np.zeros(2)))[0])
+    rise = (
+        0.0
+        if terrain is None
+        else float(np.diff(terrain.height(np.array([2.0, 2.1]), np.zeros(2)))[0])
+    )
     assert np.degrees(np.arctan(rise / 0.1)) == pytest.approx(slope, abs=1e-6)
 
 
@@ -333,14 +427,18 @@ def test_a_look_at_walking_falls_nowhere_and_times_the_ticks():
     assert [row["what"] for row in rows if "fell" not in row] == ["ticks"]
     assert not any(row.get("fell") for row in rows)
     tables = tables_of("walking")
-    assert len(tables) == len(rows) + 1  # one for each kind of walk, one for the robot, one of ticks
+    assert (
+        len(tables) == len(rows) + 1
+    )  # one for each kind of walk, one for the robot, one of ticks
     assert tables["walking_course_compliant_condensed"].get("solo12", "fell").value == "0 of 1"
     assert tables["walking_ticks"].number("solo12", "over 2 ms") == rows[-1]["late"]
 
 
 def walked(**changes: Any) -> hp.Scenario:
     return walking.scenario(
-        walking.job_of(**{"robot": "solo12", "what": "random", "duration": 4.0, "seed": 3} | changes)
+        walking.job_of(
+            **{"robot": "solo12", "what": "random", "duration": 4.0, "seed": 3} | changes
+        )
     )
 
 
@@ -357,13 +455,19 @@ def test_walks_of_one_number_have_one_command_and_friction_and_pushes_come_from_
     assert late.disturbances.delay > 0.0
     fastest = hp.WalkingGait(hp.load_robot("solo12")).describe()["max_speed"]
     assert np.abs(np.array(scenario.gait.velocity)[:, 1:3]).max() <= fastest
-    pushes = [walked(robot="g1", what="pushed", number=k).disturbances.pushes[0].impulse for k in range(walking.SIDES)]
+    pushes = [
+        walked(robot="g1", what="pushed", number=k).disturbances.pushes[0].impulse
+        for k in range(walking.SIDES)
+    ]
     np.testing.assert_allclose(np.linalg.norm(pushes, axis=1), 0.15 * hp.load_robot("g1").mass)
     np.testing.assert_allclose(np.sum(pushes, axis=0), 0.0, atol=1e-9)
 
 
 def jobs_of(**changes: Any) -> list[SimpleNamespace]:
-    return [SimpleNamespace(**job) for job in STUDIES["walking"].jobs(STUDIES["walking"].settings(**changes))]
+    return [
+        SimpleNamespace(**job)
+        for job in STUDIES["walking"].jobs(STUDIES["walking"].settings(**changes))
+    ]
 
 
 @needs_robots
@@ -386,7 +490,11 @@ def test_courses_are_walked_by_all_controllers_in_both_engines():
     assert len({(job.robot, job.controller, job.plant) for job in courses}) == len(courses) == 10
     assert not any(job.what == "crawl" and job.robot == "g1" for job in jobs)
     by = {
-        who: {(job.what, job.plant, job.number) for job in jobs if job.robot == "go2" and job.controller == who}
+        who: {
+            (job.what, job.plant, job.number)
+            for job in jobs
+            if job.robot == "go2" and job.controller == who
+        }
         for who in ("condensed", "joint_pd")
     }
     assert by["joint_pd"] == by["condensed"]
@@ -395,8 +503,21 @@ def test_courses_are_walked_by_all_controllers_in_both_engines():
 
 def test_a_row_of_each_robot_has_slip_and_falls_of_every_kind_of_walk():
     def walk(what: str, slip: float, **other: Any) -> dict[str, Any]:
-        same = {"robot": "go2", "controller": "condensed", "plant": "compliant", "fell": False, "path_rms_mm": 12.0}
-        return {**same, "what": what, "slip_mm_per_step": slip, "speed_m_s": 1.0, "joint_power_w": 1.0, **other}
+        same = {
+            "robot": "go2",
+            "controller": "condensed",
+            "plant": "compliant",
+            "fell": False,
+            "path_rms_mm": 12.0,
+        }
+        return {
+            **same,
+            "what": what,
+            "slip_mm_per_step": slip,
+            "speed_m_s": 1.0,
+            "joint_power_w": 1.0,
+            **other,
+        }
 
     rows = [
         walk("course", 0.5, speed_m_s=1.6),
@@ -408,7 +529,13 @@ def test_a_row_of_each_robot_has_slip_and_falls_of_every_kind_of_walk():
     ]
     table = tables_of("walking", rows)["walks_condensed"]
     assert {column: table.get("go2", column).value for column in table.columns} == {
-        **{"speed": 1.6, "course": "0.50 / 0.25", "friction 0.3": "– / –", "off path": 12.0, "friction 0.1": "falls"},
+        **{
+            "speed": 1.6,
+            "course": "0.50 / 0.25",
+            "friction 0.3": "– / –",
+            "off path": 12.0,
+            "friction 0.1": "falls",
+        },
         **{"crawl, pace, bound": "0.12, falls", "random": "2.00, 1 of 3 falls"},
     }
 
@@ -422,17 +549,25 @@ def test_torques_of_a_heavy_robot_are_those_of_the_qp():
 
 
 def test_a_wrong_friction_makes_feet_slip_beyond_the_margin():
-    """The margin of 0.4 covers an error of 150 %; an estimate brings most of what is beyond it back."""
-    rows = STUDIES["assumption"].run(quick=True, walkers=("governed/none", "condensed"), errors=(0.0, 1.5, 4.0))
+    """The margin of 0.4 covers an error of 150 %; an estimate brings most of what is beyond it
+    back.
+    """
+    rows = STUDIES["assumption"].run(
+        quick=True, walkers=("governed/none", "condensed"), errors=(0.0, 1.5, 4.0)
+    )
     slip = {(row["walker"], row["estimate"], row["error"]): row["slip_mm_per_step"] for row in rows}
     right, within, wrong = (slip["condensed", False, error] for error in (0.0, 1.5, 4.0))
     estimated = slip["condensed", True, 4.0]
     assert within < 3.0 * right < wrong
     assert estimated < 0.5 * wrong
-    assert slip["governed/none", False, 0.0] == slip["governed/none", False, 4.0]  # it assumes nothing
+    assert (
+        slip["governed/none", False, 0.0] == slip["governed/none", False, 4.0]
+    )  # it assumes nothing
 
 
-@pytest.mark.parametrize(("degrees", "friction"), [(15.0, 0.29), (15.0, 0.25), (30.0, 0.6), (30.0, 0.55)])
+@pytest.mark.parametrize(
+    ("degrees", "friction"), [(15.0, 0.29), (15.0, 0.25), (30.0, 0.6), (30.0, 0.55)]
+)
 def test_without_thrust_it_stands_up_to_the_angle_of_friction(degrees, friction):
     without, least = static_bound(degrees, friction)
     assert without == (np.tan(np.radians(degrees)) <= friction)
@@ -441,7 +576,9 @@ def test_without_thrust_it_stands_up_to_the_angle_of_friction(degrees, friction)
 
 
 def test_little_thrust_is_what_friction_lacks():
-    """Thrust along x at the feet's line alone would be W (tan θ − μ) / (1 + μ tan θ); the bound needs no less."""
+    """Thrust along x at the feet's line alone would be W (tan θ − μ) / (1 + μ tan θ); the bound
+    needs no less.
+    """
     least = static_bound(15.0, 0.2)[1]
     tangent = np.tan(np.radians(15.0))
     assert least is not None
@@ -467,6 +604,9 @@ def test_the_map_is_drawn(tmp_path):
     rows = rows_of("slopes")
     happens = {(row["walker"], row["degrees"], row["friction"]): what_happens(row) for row in rows}
     assert happens["no_thrust", 0.0, 0.8] == happens["go2", 0.0, 0.8] == "stands"
-    assert happens["go2", 30.0, 0.1] in ("not possible", "stands")  # within 0.2 s it may slide little
+    assert happens["go2", 30.0, 0.1] in (
+        "not possible",
+        "stands",
+    )  # within 0.2 s it may slide little
     STUDIES["slopes"].figure(rows).savefig(tmp_path / "map.png")
     assert Image.open(tmp_path / "map.png").size[0] > 400

@@ -1,4 +1,6 @@
-"""The runner of the studies: settings, resumption, the command, and the tables that columns describe."""
+"""The runner of the studies: settings, resumption, the command, and the tables that columns
+describe.
+"""
 
 from __future__ import annotations
 
@@ -53,7 +55,9 @@ def test_finished_rows_are_kept_and_others_are_others(tmp_path):
     measured.clear()
     first = STUDY.run(path=path)
     lines = path.read_bytes().splitlines(keepends=True)
-    path.write_bytes(b"".join(lines[:-2]) + lines[-1][:10])  # it was stopped in the middle of a line
+    path.write_bytes(
+        b"".join(lines[:-2]) + lines[-1][:10]
+    )  # it was stopped in the middle of a line
     assert STUDY.run(path=path) == first
     assert len(measured) == len(first) + 2
     assert STUDY.run(path=path, kinds=("other",)) == first[3:]
@@ -77,7 +81,9 @@ def test_settings_out_of_their_domain(name, value):
 def test_quick_and_defaults_are_settings_of_the_study():
     for study in (*STUDIES.values(), STUDY):
         study.settings(**study.quick)
-        study.settings(**{name: value for name, value in study.defaults.items() if value is not None})
+        study.settings(
+            **{name: value for name, value in study.defaults.items() if value is not None}
+        )
         assert not study.only or isinstance(study.defaults[study.only], tuple)
 
 
@@ -87,9 +93,13 @@ def test_the_command_writes_every_row_and_prints_the_tables(tmp_path):
     app = typer.Typer(rich_markup_mode=None)
     app.command()(command_of(STUDY))
     path = tmp_path / "sums.json"
-    done = CliRunner().invoke(app, ["--only", "other", "--json", str(path), "--out", str(tmp_path / "kept")])
+    done = CliRunner().invoke(
+        app, ["--only", "other", "--json", str(path), "--out", str(tmp_path / "kept")]
+    )
     assert done.exit_code == 0, done.output
-    assert [row["kind"] for row in json.loads(path.read_text())["walks"]] == ["other"] * 3 + ["timed"]
+    assert [row["kind"] for row in json.loads(path.read_text())["walks"]] == ["other"] * 3 + [
+        "timed"
+    ]
     assert "other        4\n" in done.output
     assert len((tmp_path / "kept").read_text().splitlines()) == 4
     printed = CliRunner().invoke(app, ["--help"]).output
@@ -109,14 +119,31 @@ def test_columns_say_what_rows_say():
     }
     (table,) = View("t", "T", "{robot}", columns, note="Note.").of(ROWS)
     assert [table.get("go2", name).value for name in columns] == ["1 of 2", 3.0, 6.0, 9.0, 3.0, 1.0]
-    assert [table.get("g1", name).value for name in columns] == ["0 of 1", None, None, None, None, 1.0]
+    assert [table.get("g1", name).value for name in columns] == [
+        "0 of 1",
+        None,
+        None,
+        None,
+        None,
+        1.0,
+    ]
     assert table.get("go2", "spread") == Cell("go2", "spread", 1.0, "s", 0.5, 2.0)
     assert (table.get("go2", "mean").unit, table.note) == ("mm", "Note.")
 
 
 def test_one_quantity_by_two_headings():
     """Rows stand in the table that their entries name; a column without a value is left out."""
-    view = View("t_{robot}", "On {ground}", "{robot}", (median("slip"), "mm"), across=lambda row: row["ground"])
+    view = View(
+        "t_{robot}",
+        "On {ground}",
+        "{robot}",
+        (median("slip"), "mm"),
+        across=lambda row: row["ground"],
+    )
     known, unknown = view.of(ROWS)
-    assert (known.name, known.title, known.cells) == ("t_go2", "On ice", (Cell("go2", "ice", 6.0, "mm"),))
+    assert (known.name, known.title, known.cells) == (
+        "t_go2",
+        "On ice",
+        (Cell("go2", "ice", 6.0, "mm"),),
+    )
     assert (unknown.name, unknown.cells) == ("t_g1", ())

@@ -1,4 +1,6 @@
-"""The search for settings: who is tuned, on which walks, what counts, and that a stopped search goes on."""
+"""The search for settings: who is tuned, on which walks, what counts, and that a stopped search
+goes on.
+"""
 
 from __future__ import annotations
 
@@ -55,7 +57,9 @@ def test_the_published_point_changes_nothing(name: str) -> None:
     parameters = hp.build(made).controller.parameters  # type: ignore[attr-defined]
     own = {"solver": "active_set"} if name == OWN else {}
     legs = name.rpartition("/")[2]
-    expected = replace(published_parameters(), **own) if whole_body else GovernedParameters(legs=legs)
+    expected = (
+        replace(published_parameters(), **own) if whole_body else GovernedParameters(legs=legs)
+    )
     if isinstance(expected, WholeBodyParameters):
         parameters = WholeBodyParameters(**{**vars(parameters), "limits": expected.limits})
     assert parameters == expected
@@ -64,7 +68,9 @@ def test_the_published_point_changes_nothing(name: str) -> None:
 def test_factors_multiply_what_is_published() -> None:
     variant = VARIANTS["paper/tracked/feedforward"]
     factors = {"parameters.feedforward.swing_p": 0.5, "governor_parameters.alpha_n": 3.0}
-    part = variant.controller({**variant.published, **factors, "governor_parameters.conditions": "equation"}, mu=0.3)
+    part = variant.controller(
+        {**variant.published, **factors, "governor_parameters.conditions": "equation"}, mu=0.3
+    )
     controller = hp.build(hp.Scenario(controller=part)).controller
     assert isinstance(controller, hp.controllers.GovernedController)
     assert controller.parameters.feedforward.swing_p == (100.0, 100.0, 30.0)
@@ -101,7 +107,10 @@ def test_gains_that_were_found_without_a_governor_are_tried_second() -> None:
     assert propose(variant, 1, 40, variant.published, rng, gains) == {**variant.published, **gains}
     for name in VARIANTS:
         if name not in WHOLE_BODY:
-            assert VARIANTS[name].space.keys() >= VARIANTS[f"none/{name.rpartition('/')[2]}"].space.keys()
+            assert (
+                VARIANTS[name].space.keys()
+                >= VARIANTS[f"none/{name.rpartition('/')[2]}"].space.keys()
+            )
     assert list(VARIANTS)[:2] == ["none/pid", "none/feedforward"]
 
 
@@ -115,7 +124,11 @@ def test_walks_that_train_never_judge() -> None:
 
 
 def test_the_scenario_is_the_tasks_own_but_for_the_controller() -> None:
-    task = next(task for task in tasks_of(TRAINING_SEED, 30, 3.0) if task.friction_error == -0.3 and task.push > 0.0)
+    task = next(
+        task
+        for task in tasks_of(TRAINING_SEED, 30, 3.0)
+        if task.friction_error == -0.3 and task.push > 0.0
+    )
     part = VARIANTS["filter/feedforward"].controller(VARIANTS["filter/feedforward"].published)
     made = scenario_with(task, part)
     assert made.controller.mu == pytest.approx(0.7 * task.friction)
@@ -135,17 +148,27 @@ def test_falls_come_first_then_slip_then_tracking() -> None:
     assert cost((False, 1.0, 100.0)) < cost((False, 2.0, 10.0))
     assert cost((False, 1.0, 10.0)) < cost((False, 1.0, 100.0))
     score = score_of([Outcome(True, 1.0, 5.0), Outcome(False, 3.0, 7.0), Outcome(False, 2.0, 9.0)])
-    assert score == {"walks": 3, "falls": 1, "slip_median": 3.0, "tracking_median": 8.0, "cost": score["cost"]}
+    assert score == {
+        "walks": 3,
+        "falls": 1,
+        "slip_median": 3.0,
+        "tracking_median": 8.0,
+        "cost": score["cost"],
+    }
     assert score_of([Outcome(True, 1.0, 5.0)])["slip_median"] is None
 
 
 def test_a_walk_is_measured_as_by_the_library() -> None:
     scenario = hp.Scenario(controller="condensed", ground=hp.Ground(mu_s=0.25), duration=1.5)
     measures = hp.measure(hp.walk(scenario))
-    assert walk_scenario(scenario) == Outcome(False, measures.slip_mm_per_step, measures.tracking_rms_mm)
+    assert walk_scenario(scenario) == Outcome(
+        False, measures.slip_mm_per_step, measures.tracking_rms_mm
+    )
 
 
-SMALL = TuneSettings(budget=30, train=4, judge=3, duration=1.5, variants=("paper/tracked/pid", "none/pid"))
+SMALL = TuneSettings(
+    budget=30, train=4, judge=3, duration=1.5, variants=("paper/tracked/pid", "none/pid")
+)
 
 
 def distance(scenario: hp.Scenario) -> Outcome:
@@ -190,12 +213,16 @@ def test_of_each_governor_the_variant_that_slips_least_is_shown() -> None:
     document = tuned()
     slip = {name: entry["judging"]["slip_median"] for name, entry in document["variants"].items()}
     table = {table.name: table for table in tuning_tables(document)}["tuning_least"]
-    assert table.number("paper's governor", "slip") == min(slip[name] for name in PAPER if slip[name] is not None)
+    assert table.number("paper's governor", "slip") == min(
+        slip[name] for name in PAPER if slip[name] is not None
+    )
     assert table.number("condensed WBC", "slip") == slip["condensed"]
     name = next(name for name in PAPER if slip[name] == table.number("paper's governor", "slip"))
     changed = {**document["variants"], name: {**document["variants"][name]}}
     changed[name]["judging"] = {**changed[name]["judging"], "slip_median": None}
-    table = {table.name: table for table in tuning_tables({**document, "variants": changed})}["tuning_least"]
+    table = {table.name: table for table in tuning_tables({**document, "variants": changed})}[
+        "tuning_least"
+    ]
     assert table.number("paper's governor", "slip") > slip[name]
 
 
@@ -207,9 +234,17 @@ def test_what_is_packaged_is_what_the_search_wrote() -> None:
         assert entry["controller"] == variant.settings(entry["factors"])
         assert entry["training"]["cost"] <= entry["published, training"]["cost"]
     for name in VARIANTS:
-        settings = {**document["variants"][searched(name)]["controller"], "name": VARIANTS[name].part["name"]}
-        settings["parameters"] = {**settings.get("parameters", {}), **VARIANTS[name].part.get("parameters", {})}
-        assert controller_part(f"{name}/tuned") == read_part(CONTROLLER_PARTS, "controller", settings)
+        settings = {
+            **document["variants"][searched(name)]["controller"],
+            "name": VARIANTS[name].part["name"],
+        }
+        settings["parameters"] = {
+            **settings.get("parameters", {}),
+            **VARIANTS[name].part.get("parameters", {}),
+        }
+        assert controller_part(f"{name}/tuned") == read_part(
+            CONTROLLER_PARTS, "controller", settings
+        )
     assert best_paper().removesuffix("/tuned") in PAPER
     assert controller_part(BEST) == controller_part(best_paper())
     assert len({label(name) for name in TUNED}) == len(TUNED)
@@ -222,4 +257,7 @@ def test_whole_body_controllers_share_the_better_settings_of_their_searches() ->
     assert {searched(name) for name in costs} == {best}
     assert all(searched(name) == name for name in VARIANTS if name not in costs)
     one, other = (controller_part(f"{name}/tuned") for name in costs)
-    assert {**one.parameters, "solver": "active_set"} == {**other.parameters, "solver": "active_set"}
+    assert {**one.parameters, "solver": "active_set"} == {
+        **other.parameters,
+        "solver": "active_set",
+    }

@@ -1,4 +1,6 @@
-"""Walks in other people's models: what a policy sees, what is taken from a model, and what is measured of a walk."""
+"""Walks in other people's models: what a policy sees, what is taken from a model, and what is
+measured of a walk.
+"""
 
 import sys
 
@@ -12,9 +14,27 @@ from comparison.cli import app
 from comparison.joint_pd.controller import JointPD, JointPDGains, found_gains
 from comparison.peers.environment import WORLDS, WorkerError, default_folder, interpreter
 from comparison.studies import causes, worlds
-from comparison.worlds.models import HUMANOIDS, JOINTS, PLAYGROUND, PROPERTIES, ROBOTS, knowing, strip, world
+from comparison.worlds.models import (
+    HUMANOIDS,
+    JOINTS,
+    PLAYGROUND,
+    PROPERTIES,
+    ROBOTS,
+    knowing,
+    strip,
+    world,
+)
 from comparison.worlds.policy import WEIGHTS, Policy, observation
-from comparison.worlds.walk import PD_GAINS, POLICY, STANDS, WALKERS, MotorPD, Watch, sliding, walked
+from comparison.worlds.walk import (
+    PD_GAINS,
+    POLICY,
+    STANDS,
+    WALKERS,
+    MotorPD,
+    Watch,
+    sliding,
+    walked,
+)
 from harpy_pin import InputError, RobotError, Standing, WalkingGait, load_robot
 from harpy_pin.simulation.mujoco import MujocoBridge
 
@@ -25,7 +45,10 @@ FEET = ("FL_foot", "FR_foot", "RL_foot", "RR_foot")
 @pytest.fixture(scope="module")
 def dog(tmp_path_factory):
     """File of Go2, with servos and joints that are not ideal."""
-    go2, joints = load_robot("go2"), {"armature": 0.01, "damping": [0.5, 0.0, 0.0], "frictionloss": 0.2}
+    go2, joints = (
+        load_robot("go2"),
+        {"armature": 0.01, "damping": [0.5, 0.0, 0.0], "frictionloss": 0.2},
+    )
     spec = described(go2, actuators="position", joints=joints)
     spec.option.timestep, spec.worldbody.geoms[0].pos = 2e-3, np.zeros(3)
     spec.body("base").add_site(name="imu", pos=(-0.1, 0.05, 0.02), quat=(0.5, 0.5, -0.1, 0.7))
@@ -40,7 +63,9 @@ def dog(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def biped(tmp_path_factory):
-    """File of a biped on boxes, with a waist, and with spheres on hips and thighs that are 1 mm deep in each other."""
+    """File of a biped on boxes, with a waist, and with spheres on hips and thighs that are 1 mm
+    deep in each other.
+    """
     folder, shapes = tmp_path_factory.mktemp("models"), mujoco.mjtGeom
     (folder / "biped.urdf").write_text(biped_urdf(waist=("waist",)))
     points = load_robot(folder / "biped.urdf", feet=SOLES)
@@ -49,9 +74,13 @@ def biped(tmp_path_factory):
     for side in "LR":
         for geom in spec.body(f"{side}_sole").geoms:
             spec.delete(geom)
-        spec.body(f"{side}_sole").add_geom(type=shapes.mjGEOM_BOX, size=(0.1, 0.05, 0.01), pos=(0, 0, 0.01))
+        spec.body(f"{side}_sole").add_geom(
+            type=shapes.mjGEOM_BOX, size=(0.1, 0.05, 0.01), pos=(0, 0, 0.01)
+        )
         for link, height in (("yaw", 0.0), ("pitch", -0.099)):
-            spec.body(f"{side}_{link}").add_geom(type=shapes.mjGEOM_SPHERE, size=(0.05, 0, 0), pos=(0, 0, height))
+            spec.body(f"{side}_{link}").add_geom(
+                type=shapes.mjGEOM_SPHERE, size=(0.05, 0, 0), pos=(0, 0, height)
+            )
     file = folder / "biped.xml"
     file.write_text(spec.to_xml())
     return str(file)
@@ -127,7 +156,9 @@ def test_a_foot_that_rolls_does_not_slide(spin, expected):
 
 
 def test_slip_is_that_of_landing_and_of_lifting(dog):
-    """A contact of 0.1 s slides at 2 m/s for 5 ms, hops, slides at 1 m/s for 10 ms in its middle and at the end."""
+    """A contact of 0.1 s slides at 2 m/s for 5 ms, hops, slides at 1 m/s for 10 ms in its middle
+    and at the end.
+    """
     model, robot = world(dog, FEET)
     data, dt = mujoco.MjData(model), 1e-3
     mujoco.mj_forward(model, data)
@@ -163,7 +194,10 @@ def test_motors_add_what_joint_pd_adds(dog):
     """Torque and motors' law together are joint PD's torque, in stance and in swing."""
     model, robot = world(dog, FEET)
     state = MujocoBridge(model, robot).read(moved(model, 2))
-    gains, gaits = JointPDGains(**found_gains()[PD_GAINS]["gains"]), [WalkingGait(robot) for _ in range(2)]
+    gains, gaits = (
+        JointPDGains(**found_gains()[PD_GAINS]["gains"]),
+        [WalkingGait(robot) for _ in range(2)],
+    )
     whole, split = JointPD(gaits[0], gains, mu=0.5), MotorPD(gaits[1], mu=0.5, period=1e-3)
     whole._record["limit"] = split._inner._record["limit"] = np.inf
     swings = set()
@@ -179,7 +213,14 @@ def test_motors_add_what_joint_pd_adds(dog):
     assert swings == {0.0, 1.0}
 
 
-WALK = {"feet": FEET, "friction": 0.8, "push": None, "noise": None, "duration": 3.0, "commands": [[0.5, 0.3, 0, 0]]}
+WALK = {
+    "feet": FEET,
+    "friction": 0.8,
+    "push": None,
+    "noise": None,
+    "duration": 3.0,
+    "commands": [[0.5, 0.3, 0, 0]],
+}
 
 
 @pytest.mark.parametrize("who", ["joint PD", "motor law, joints known", "QP, motor law"])
@@ -226,7 +267,9 @@ def installed(folder, worker):
     python = interpreter(folder, WORLDS.name)
     python.parent.mkdir(parents=True)
     python.symlink_to(sys.executable)
-    (folder / "worlds" / "lib" / "python3" / "mujoco_playground" / WEIGHTS.parent).mkdir(parents=True)
+    (folder / "worlds" / "lib" / "python3" / "mujoco_playground" / WEIGHTS.parent).mkdir(
+        parents=True
+    )
     (folder / "worker.py").write_text(worker, encoding="utf-8")
     return Policy(folder, folder / "worker.py")
 
@@ -238,7 +281,9 @@ def test_actions_are_targets_about_the_posture(dog, tmp_path):
         act = policy.acting(model)
         for count in (1, 2):
             act(data, np.array([0.3, 0.0, 0.0]))
-            np.testing.assert_allclose(data.ctrl, model.key_qpos[0, 7:] + 0.5 * 0.3 * count, rtol=1e-6)
+            np.testing.assert_allclose(
+                data.ctrl, model.key_qpos[0, 7:] + 0.5 * 0.3 * count, rtol=1e-6
+            )
         with pytest.raises((WorkerError, BrokenPipeError)):
             act(data, np.zeros(3))
 
@@ -263,7 +308,9 @@ def test_all_walk_the_same(monkeypatch, dog):
     assert all(job in of["motor law"] for job in [*of[POLICY], *of["QP, motor law"]])
     assert {job["world"] for job in of[STANDS]} == {*ROBOTS, PLAYGROUND, *HUMANOIDS}
     assert {job["world"] for job in of[POLICY]} == {PLAYGROUND}
-    pushes = np.array([job["push"][1:] for job in of["motor law"] if job["world"] == "Go2" and job["push"]])
+    pushes = np.array(
+        [job["push"][1:] for job in of["motor law"] if job["world"] == "Go2" and job["push"]]
+    )
     np.testing.assert_allclose(pushes.sum(axis=0), 0.0, atol=1e-9)
     np.testing.assert_allclose(np.linalg.norm(pushes, axis=1), [0.5] * 24)
 
@@ -281,7 +328,10 @@ def test_fast_commands_last_turn_and_go_back():
 
 
 def test_causes_are_drawn():
-    rows = [{"case": case, "world": "Go2", "fell": case == "armature", "slip_mm_s": 3.0} for case in causes.CASES]
+    rows = [
+        {"case": case, "world": "Go2", "fell": case == "armature", "slip_mm_s": 3.0}
+        for case in causes.CASES
+    ]
     texts = [text.get_text() for panel in causes.STUDY.figure(rows).axes for text in panel.texts]
     assert sorted(texts) == ["3"] * (len(rows) - 1) + ["–, 1 of 1"]
 

@@ -1,4 +1,6 @@
-"""Many robots at once: each row is what a controller of its own gives, and no row disturbs another."""
+"""Many robots at once: each row is what a controller of its own gives, and no row disturbs
+another.
+"""
 
 import numpy as np
 import pinocchio as pin
@@ -22,7 +24,9 @@ def samples(gait, rng, n, *, scale=0.03):
     """States near a gait's start, and forces of feet that touch or do not."""
     robot, (q0, _) = gait.robot, gait.initial_state()
     nv, feet = robot.model.nv, len(robot.feet)
-    q = np.array([pin.integrate(robot.model, q0, scale * rng.standard_normal(nv)) for _ in range(n)])
+    q = np.array(
+        [pin.integrate(robot.model, q0, scale * rng.standard_normal(nv)) for _ in range(n)]
+    )
     force = np.zeros((n, feet, 3))
     force[:, :, 2] = rng.uniform(-1.0, 1.0, (n, feet)) * robot.mass * 9.81
     return q, 10.0 * scale * rng.standard_normal((n, nv)), force.clip(min=0.0)
@@ -30,7 +34,9 @@ def samples(gait, rng, n, *, scale=0.03):
 
 @pytest.mark.parametrize("threads", [1, 2])
 def test_rows_are_what_single_controllers_give(threads):
-    """Over several ticks, so that active sets are remembered, with friction and mass of each robot's own."""
+    """Over several ticks, so that active sets are remembered, with friction and mass of each
+    robot's own.
+    """
     rng, gait = np.random.default_rng(0), StraightGait(ROBOT, GaitParameters(double_support=0.25))
     batch = CondensedBatch(ROBOT, N, threads=threads, double_support=0.25)
     batch.mu[:], batch.mass_error[:] = rng.uniform(0.1, 0.8, N), rng.uniform(-0.2, 0.3, N)
@@ -62,9 +68,13 @@ MOTORS = {"joint_stiffness": 1.0, "joint_damping": 0.3}
 
 
 @pytest.mark.parametrize("threads", [1, 2])
-@pytest.mark.parametrize("gains", [MOTORS, {"joint_damping": 0.5}, {}], ids=["both", "damping", "none"])
+@pytest.mark.parametrize(
+    "gains", [MOTORS, {"joint_damping": 0.5}, {}], ids=["both", "damping", "none"]
+)
 def test_joint_targets_are_those_of_single_controllers(gains, threads):
-    """To the last bit, also after a reset and where torques are clipped or the state is bad; without gains all zero."""
+    """To the last bit, also after a reset and where torques are clipped or the state is bad;
+    without gains all zero.
+    """
     rng, gait = np.random.default_rng(3), StraightGait(ROBOT, GaitParameters(double_support=0.25))
     limits = WholeBodyLimits(mu=0.3, torque_scale=0.1)
     more = {"hold_ticks": 0, "estimate_friction": False, "joint_learning": 0.0}
@@ -96,8 +106,12 @@ def test_joint_targets_are_those_of_single_controllers(gains, threads):
 
 def test_single_precision_is_near():
     rng, gait = np.random.default_rng(1), hp.make_gait(ROBOT, speed=0.3)
-    parameters = WholeBodyParameters.for_gait(hp.make_gait(ROBOT), estimate_friction=False, **MOTORS)
-    double, single = (CondensedBatch(ROBOT, N, parameters, dtype=dtype) for dtype in (np.float64, np.float32))
+    parameters = WholeBodyParameters.for_gait(
+        hp.make_gait(ROBOT), estimate_friction=False, **MOTORS
+    )
+    double, single = (
+        CondensedBatch(ROBOT, N, parameters, dtype=dtype) for dtype in (np.float64, np.float32)
+    )
     given = [array.astype(np.float32) for array in samples(gait, rng, N)]
     for batch in (double, single):
         batch.targets.fill(gait.update(0.3))
@@ -168,7 +182,9 @@ def test_what_does_not_fit_is_refused():
     with pytest.raises(InputError):
         CondensedBatch(ROBOT, 0)
     with pytest.raises(InputError, match="estimates no friction"):
-        CondensedBatch(ROBOT, 3, WholeBodyParameters.for_gait(hp.make_gait(ROBOT), estimate_friction=True))
+        CondensedBatch(
+            ROBOT, 3, WholeBodyParameters.for_gait(hp.make_gait(ROBOT), estimate_friction=True)
+        )
     iris = hp.load_robot("iris")
     motors = WholeBodyParameters.for_gait(hp.Hovering(iris), estimate_friction=False, **MOTORS)
     with pytest.raises(InputError, match="'iris' has no legs"):

@@ -1,4 +1,6 @@
-"""A battery behind thrusters and motors: circuit, energy, and the thrust that it leaves; lags of second order."""
+"""A battery behind thrusters and motors: circuit, energy, and the thrust that it leaves; lags of
+second order.
+"""
 
 import math
 
@@ -29,7 +31,9 @@ def open_voltage(cells, charge):
 
 def aloft(thrusters, *parts, v=0.0, joint=0):
     """A robot in the air."""
-    plant = hp.Simulator(ROBOT, actuators=hp.Actuators(thrusters=thrusters), gravity=(0.0, 0.0, 0.0))
+    plant = hp.Simulator(
+        ROBOT, actuators=hp.Actuators(thrusters=thrusters), gravity=(0.0, 0.0, 0.0)
+    )
     for part in parts:
         plant.attach(part)
     q, speed = GAIT.initial_state()[0], np.zeros(12)
@@ -59,7 +63,11 @@ def test_charge_follows_the_circuit(charge):
         current = brentq(lambda i: (voltage - 0.05 * i) * i - power, 0.0, voltage / 0.1, xtol=1e-12)
         return [-current / (3600.0 * 0.5)]
 
-    exact = solve_ivp(rate, (0.0, 0.5), [charge], rtol=1e-10, atol=1e-12).y[0, -1] if charge > 0.1 else None
+    exact = (
+        solve_ivp(rate, (0.0, 0.5), [charge], rtol=1e-10, atol=1e-12).y[0, -1]
+        if charge > 0.1
+        else None
+    )
     hover(battery)
     record = battery.record
     if exact is not None:
@@ -71,7 +79,9 @@ def test_charge_follows_the_circuit(charge):
 
 
 def test_largest_thrust_is_that_of_the_voltage():
-    """Under a command that no battery gives, thrust and voltage settle where both equations hold."""
+    """Under a command that no battery gives, thrust and voltage settle where both equations
+    hold.
+    """
     battery = Battery(cells=6, capacity=50.0, resistance=0.04, charge=0.4, propulsion=FAN)
     plant = hover(battery, command=60.0, largest=30.0)
     thrust = plant.record["thrusters"]["mean_thrust"][0, 2]
@@ -93,7 +103,9 @@ def test_empty_battery_has_no_thrust():
 
 @pytest.mark.parametrize("plant", PLANTS)
 def test_energy_of_a_walk(plant):
-    """Chemical energy is shafts and heat; each part is what torques, speeds and thrusts of the log say."""
+    """Chemical energy is shafts and heat; each part is what torques, speeds and thrusts of the log
+    say.
+    """
     fans = hp.Actuators(thrusters=hp.Thrusters(largest=53.0))
     made = hp.build(scenario(plant=plant, actuators=fans, duration=1.0))
     battery = Battery(capacity=2.0, resistance=0.01, propulsion=FAN, motors=Motors(constant=0.6))
@@ -105,15 +117,23 @@ def test_energy_of_a_walk(plant):
     assert chemical == pytest.approx(inner + shaft + heat + joints + copper, rel=1e-9)
     logged = power(run, motors=Motors(constant=0.6), propulsion=FAN)
     # The log has the speeds at the beginning of each tick, the battery those of each step.
-    assert shaft == pytest.approx(0.8 * (logged.thrust_shaft + logged.thrust_heat).sum() * 1e-3, rel=0.01)
+    assert shaft == pytest.approx(
+        0.8 * (logged.thrust_shaft + logged.thrust_heat).sum() * 1e-3, rel=0.01
+    )
     assert heat / shaft == pytest.approx(0.25, rel=1e-9)
-    assert joints + copper == pytest.approx((logged.joint_mechanical + logged.joint_heat).sum() * 1e-3, rel=0.03)
+    assert joints + copper == pytest.approx(
+        (logged.joint_mechanical + logged.joint_heat).sum() * 1e-3, rel=0.03
+    )
     middle = [open_voltage(6, s) for s in 0.5 * (charges[1:] + charges[:-1])]
-    assert chemical - energy[0, 0] == pytest.approx(-7200.0 * np.sum(middle * np.diff(charges)), rel=1e-6)
+    assert chemical - energy[0, 0] == pytest.approx(
+        -7200.0 * np.sum(middle * np.diff(charges)), rel=1e-6
+    )
 
 
 def test_joints_that_brake_charge_it():
-    """Torques against the speed give back the work that the joint does, less the heat of the winding."""
+    """Torques against the speed give back the work that the joint does, less the heat of the
+    winding.
+    """
     battery = Battery(propulsion=FAN, motors=Motors(constant=10.0, recovered=1.0))
     plant = aloft(hp.Thrusters(largest=40.0), battery, v=5.0, joint=5)
     torque = np.zeros(6)
@@ -143,7 +163,9 @@ def test_battery_needs_the_largest_thrust():
 
 @pytest.mark.parametrize("ratio", [0.3, 1.0, 2.5])
 def test_second_order_is_the_differential_equation(ratio):
-    """Magnitudes after a step of the command, against an integration of the lag; their mean is its integral."""
+    """Magnitudes after a step of the command, against an integration of the lag; their mean is its
+    integral.
+    """
     plant = aloft(SecondOrderThrusters(lag=0.02, damping_ratio=ratio))
     up = np.array([(0.0, 0.0, 1.0)] * 2)
     plant.advance(hp.Command(np.zeros(6), 3.0 * up))
@@ -155,6 +177,8 @@ def test_second_order_is_the_differential_equation(ratio):
     def rate(_, x):
         return [x[1], (8.0 - x[0]) / 0.02**2 - 2.0 * ratio * x[1] / 0.02, x[0]]
 
-    exact = solve_ivp(rate, (0.0, steps * plant.dt), [3.0, 0.0, 0.0], rtol=1e-10, atol=1e-12).y[:, -1]
+    exact = solve_ivp(rate, (0.0, steps * plant.dt), [3.0, 0.0, 0.0], rtol=1e-10, atol=1e-12).y[
+        :, -1
+    ]
     np.testing.assert_allclose(record["level"][0, 0], exact[:2], rtol=1e-6, atol=1e-6)
     assert impulse == pytest.approx(exact[2], rel=1e-6)

@@ -1,4 +1,6 @@
-"""Ways through the air against closed forms, and the balance there against Pinocchio's own dynamics."""
+"""Ways through the air against closed forms, and the balance there against Pinocchio's own
+dynamics.
+"""
 
 from __future__ import annotations
 
@@ -21,7 +23,9 @@ from harpy_pin.gaits.fitting import GRAVITY
     carried=st.floats(0.0, 0.9),
     below=st.floats(-0.5, 0.02),
 )
-def test_a_fall_conserves_energy_and_ends_at_the_touchdowns_speed(height, speed, brake, carried, below):
+def test_a_fall_conserves_energy_and_ends_at_the_touchdowns_speed(
+    height, speed, brake, carried, below
+):
     """v² = 2 g h in free fall, v² = 2 b h while it is braked."""
     g = (1.0 - carried) * GRAVITY
     fall = Fall(height, speed, height + below, 0.1, brake, g)
@@ -44,19 +48,29 @@ def test_a_fall_conserves_energy_and_ends_at_the_touchdowns_speed(height, speed,
     carried=st.floats(0.0, 0.9),
     lag=st.floats(0.01, 0.15),
 )
-def test_a_fall_with_lag_is_that_of_a_thrust_switched_on_and_off(height, speed, brake, carried, lag):
+def test_a_fall_with_lag_is_that_of_a_thrust_switched_on_and_off(
+    height, speed, brake, carried, lag
+):
     """The thrust's acceleration follows by ȧ = (goal − a) / T, integrated here in small steps."""
     g = (1.0 - carried) * GRAVITY
     fall = Fall(height, speed, height - 0.1, 0.1, brake, g, lag)
     z, v, a, t, step = height, speed, -g, 0.0, 1e-4
     end = fall.free + fall.braked + 12.0 * lag
     while t < end:
-        goal = -g if t + 0.5 * step < fall.free else brake if t + 0.5 * step < fall.free + fall.braked else 0.0
+        goal = (
+            -g
+            if t + 0.5 * step < fall.free
+            else brake
+            if t + 0.5 * step < fall.free + fall.braked
+            else 0.0
+        )
         old, a = a, goal + (a - goal) * np.exp(-step / lag)
         z, v, t = z + step * (v + 0.25 * step * (old + a)), v + 0.5 * step * (old + a), t + step
         if round(t / step) % 500 == 0:
             assert fall.at(t)[:2] == pytest.approx((z, v), abs=3e-3)
-            assert fall.at(t)[2] == pytest.approx(a, abs=0.1)  # the steps' own error when the goal changes
+            assert fall.at(t)[2] == pytest.approx(
+                a, abs=0.1
+            )  # the steps' own error when the goal changes
     assert v == pytest.approx(-0.1, abs=2e-3)
     assert z == pytest.approx(height - 0.1 - 0.1 * 12.0 * lag, abs=5e-3)
 
@@ -78,7 +92,9 @@ def test_a_quintic_goes_through_both_states(start, end, duration):
 
 def test_the_largest_acceleration_from_rest_to_rest():
     way = Quintic(rest(np.zeros(1)), rest(np.ones(1)), 1.0)
-    assert max(abs(way.at(t)[2, 0]) for t in np.linspace(0.0, 1.0, 2001)) == pytest.approx(SWIFT, rel=1e-4)
+    assert max(abs(way.at(t)[2, 0]) for t in np.linspace(0.0, 1.0, 2001)) == pytest.approx(
+        SWIFT, rel=1e-4
+    )
 
 
 @pytest.fixture(scope="module")
@@ -88,7 +104,9 @@ def flyer() -> Flyer:
 
 
 def test_in_the_air_the_centre_of_mass_hangs_below_the_thrusters(flyer):
-    """Two forces on a line have no moment about it: what hangs on it must have its weight below it."""
+    """Two forces on a line have no moment about it: what hangs on it must have its weight below
+    it.
+    """
     centre = pin.centerOfMass(flyer.robot.model, flyer.robot.model.createData(), flyer.air)
     assert centre[:2] == pytest.approx((0.0, 0.0), abs=1e-5)
     assert centre[2] < 0.0
@@ -109,13 +127,17 @@ def test_accelerations_are_those_that_thrusts_and_torques_can_give(flyer):
         v, a = rng.standard_normal(12), 5.0 * rng.standard_normal(12)
         found = flyer.balance.reachable(q, v, a)
         force = pin.rnea(model, model.createData(), q, v, found) + model.damping * v
-        assert lacking_wrenches(flyer.balance.dynamics).T @ force[:6] == pytest.approx(0.0, abs=1e-9)
+        assert lacking_wrenches(flyer.balance.dynamics).T @ force[:6] == pytest.approx(
+            0.0, abs=1e-9
+        )
         assert np.abs(flyer.balance.reachable(q, v, found) - found).max() < 1e-9
 
 
 @pytest.mark.parametrize("weight", [0.5, 1.0, 1.6])
 def test_the_feedback_brings_the_robot_back(flyer, weight):
-    """From 5 cm, 0.1 rad and swinging legs, by the equations of motion with the thrust's share of gravity."""
+    """From 5 cm, 0.1 rad and swinging legs, by the equations of motion with the thrust's share of
+    gravity.
+    """
     robot, balance = flyer.robot, Balance(flyer.robot, flyer.air, weight=weight)
     model = robot.model.copy()
     model.gravity.linear = np.array((0.0, 0.0, -weight * GRAVITY))

@@ -1,4 +1,6 @@
-"""Jumps and flights in the plants, against momentum, ballistics and friction cones; and what is refused."""
+"""Jumps and flights in the plants, against momentum, ballistics and friction cones; and what is
+refused.
+"""
 
 from dataclasses import replace
 
@@ -19,8 +21,12 @@ WEIGHT = 4.02 * 9.81
 
 
 def flown(flights, *, duration=2.8, noise=False, velocity=None, **how):
-    gait = Flying(flights=flights, start=0.1, **({} if velocity is None else {"velocity": velocity}))
-    return walked(gait=gait, mu_s=FRICTION, noise=hp.Noise.typical(float(noise)), duration=duration, **how)
+    gait = Flying(
+        flights=flights, start=0.1, **({} if velocity is None else {"velocity": velocity})
+    )
+    return walked(
+        gait=gait, mu_s=FRICTION, noise=hp.Noise.typical(float(noise)), duration=duration, **how
+    )
 
 
 def assert_lands(run, place, within=0.03):
@@ -48,9 +54,13 @@ def test_a_jump_is_as_high_and_as_far_as_asked_for_and_stands(jumped):
     air, land = ticks(jumped, "air"), ticks(jumped, "land")
     assert jumped.ending == "completed"
     assert jumped["q"][air, 2].max() - jumped["q"][air[0], 2] == pytest.approx(0.31, abs=0.015)
-    assert (middle(jumped, land[-1]) - middle(jumped, air[0]))[:2] == pytest.approx((0.4, 0.0), abs=0.02)
+    assert (middle(jumped, land[-1]) - middle(jumped, air[0]))[:2] == pytest.approx(
+        (0.4, 0.0), abs=0.02
+    )
     rise = jumped["q"][air, 2].max() - jumped["q"][air[0], 2]
-    assert rise == pytest.approx(jumped["v"][air[0], 2] ** 2 / (2.0 * 0.5 * 9.81), rel=0.04)  # v² / 2 g (1 − carried)
+    assert rise == pytest.approx(
+        jumped["v"][air[0], 2] ** 2 / (2.0 * 0.5 * 9.81), rel=0.04
+    )  # v² / 2 g (1 − carried)
     assert jumped["foot_position"][air, :, 2].min(axis=1).max() > 0.2
     end = jumped["q"][-1]
     assert 2.0 * np.hypot(end[3], end[4]) < 0.02
@@ -58,7 +68,9 @@ def test_a_jump_is_as_high_and_as_far_as_asked_for_and_stands(jumped):
 
 
 def test_momentum_in_the_air_changes_by_thrust_and_gravity_alone(jumped):
-    """Linear and angular momentum about the centre of mass, by Pinocchio, against the thrusts logged."""
+    """Linear and angular momentum about the centre of mass, by Pinocchio, against the thrusts
+    logged.
+    """
     robot = hp.load_harpy()
     model, data = robot.model, robot.model.createData()
     air = ticks(jumped, "air")[20:-5]
@@ -83,7 +95,9 @@ def test_momentum_in_the_air_changes_by_thrust_and_gravity_alone(jumped):
 
 @pytest.mark.parametrize(("controller", "plant"), [("condensed", "compliant"), ("wbc", "mujoco")])
 def test_forces_stay_in_their_cones_at_take_off_and_landing(controller, plant):
-    """Those asked for at every tick, those of the plant within Coulomb's; and no more than twice the weight."""
+    """Those asked for at every tick, those of the plant within Coulomb's; and no more than twice
+    the weight.
+    """
     run = flown(Jump(height=0.31, forward=0.42), controller=controller, plant=plant, noise=True)
     assert run.ending == "completed"
     on_ground = np.concatenate([ticks(run, phase) for phase in ("bend", "push", "land")])
@@ -92,7 +106,9 @@ def test_forces_stay_in_their_cones_at_take_off_and_landing(controller, plant):
     assert (normal > -1e-6).all()
     assert (tangent <= 0.75 * FRICTION * normal + 1e-5).all()
     force = run["foot_force"]
-    assert (np.linalg.norm(force[..., :2], axis=2) <= FRICTION * np.maximum(force[..., 2], 0.0) + 0.1).all()
+    assert (
+        np.linalg.norm(force[..., :2], axis=2) <= FRICTION * np.maximum(force[..., 2], 0.0) + 0.1
+    ).all()
     land = ticks(run, "land")
     assert np.linalg.norm(force[land], axis=2).sum(axis=1).max() <= 2.0 * WEIGHT
     assert (run["slip_path"][land[-1]] - run["slip_path"][land[0]]).sum() < 1e-3
@@ -102,13 +118,20 @@ def test_forces_stay_in_their_cones_at_take_off_and_landing(controller, plant):
 @given(height=st.floats(0.12, 0.42), forward=st.floats(-0.3, 0.4), left=st.floats(-0.1, 0.1))
 def test_jumps_land_where_they_should(height, forward, left):
     """Higher ones miss by up to 4 cm, see docs/flight.md."""
-    assert_lands(flown(Jump(height=height, forward=forward, left=left), duration=3.4), (forward, left))
+    assert_lands(
+        flown(Jump(height=height, forward=forward, left=left), duration=3.4), (forward, left)
+    )
 
 
 def test_a_jump_whose_lag_is_known_lands_softly_where_it_should():
-    part, fans = hp.Condensed(parameters={"thrust_lag": 0.1}), hp.Actuators(thrusters=hp.Thrusters(lag=0.1))
+    part, fans = (
+        hp.Condensed(parameters={"thrust_lag": 0.1}),
+        hp.Actuators(thrusters=hp.Thrusters(lag=0.1)),
+    )
     jump = Jump(height=0.31, forward=0.42)
-    assert_lands(flown(jump, controller=part, duration=3.2, noise=True, actuators=fans), (0.42, 0.0))
+    assert_lands(
+        flown(jump, controller=part, duration=3.2, noise=True, actuators=fans), (0.42, 0.0)
+    )
 
 
 def test_the_plan_is_that_of_the_controllers_lag():
@@ -125,7 +148,10 @@ def test_the_plan_is_that_of_the_controllers_lag():
 def test_hovering_with_noise_stays_within_two_centimetres():
     run = flown(Fly(hover=1.5), duration=5.1, noise=True)
     air = ticks(run, "air")
-    still = air[np.ptp(np.stack([run["body_plan"][air - 1], run["body_plan"][air]]), axis=0).max(axis=1) == 0.0][500:]
+    still = air[
+        np.ptp(np.stack([run["body_plan"][air - 1], run["body_plan"][air]]), axis=0).max(axis=1)
+        == 0.0
+    ][500:]
     assert len(still) > 500
     assert np.linalg.norm(run["q"][still, :3] - run["body_plan"][still], axis=1).max() < 0.02
     thrust = run["thrust"][still].sum(axis=1).mean(axis=0)
@@ -135,7 +161,9 @@ def test_hovering_with_noise_stays_within_two_centimetres():
 def test_it_flies_to_a_slope_and_walks_on():
     slope = np.radians(15.0)
     ramp, ahead = hp.ground.Ramp(slope=slope, start=0.6, length=3.0), ((0.0, 0.3, 0.0, 0.0),)
-    run = flown(Fly(forward=1.2, acceleration=2.0), terrain=ramp, velocity=ahead, duration=8.6, noise=True)
+    run = flown(
+        Fly(forward=1.2, acceleration=2.0), terrain=ramp, velocity=ahead, duration=8.6, noise=True
+    )
     assert run.ending == "completed"
     land = ticks(run, "land")
     feet = middle(run, land[-1])
@@ -159,7 +187,9 @@ def test_touchdown_is_felt_where_the_ground_is_not_as_expected(rise):
 
 def test_several_flights_one_after_the_other_and_time_begins_anew():
     robot = hp.load_harpy()
-    gait = FlyingGait(hp.make_commanded_gait(robot), [Jump(height=0.15), Jump(height=0.2)], start=0.1)
+    gait = FlyingGait(
+        hp.make_commanded_gait(robot), [Jump(height=0.15), Jump(height=0.2)], start=0.1
+    )
     scenario = hp.Scenario(ground=hp.Ground(mu_s=FRICTION), duration=6.0)
     first = hp.walk(scenario, gait=gait)
     phases = first["flight_phase"].ravel()
@@ -215,7 +245,10 @@ def test_bad_samples_are_ignored_and_times_refused():
 def rotorcraft(limit: float) -> FlyingGait:
     """Solo12 with a rotor at each shoulder, which flies half a metre ahead."""
     turns = {"FL": 1, "FR": -1, "HL": -1, "HR": 1}
-    rotors = [hp.Rotor(f"{leg}_SHOULDER", limit=(0.0, limit), drag=0.02 * turn) for leg, turn in turns.items()]
+    rotors = [
+        hp.Rotor(f"{leg}_SHOULDER", limit=(0.0, limit), drag=0.02 * turn)
+        for leg, turn in turns.items()
+    ]
     flight = Fly(height=0.3, forward=0.5, hover=0.5)
     return FlyingGait(hp.Standing(hp.load_robot("solo12", rotors=rotors)), flight, start=0.1)
 
@@ -223,13 +256,20 @@ def rotorcraft(limit: float) -> FlyingGait:
 @needs_robots
 def test_a_rotorcraft_with_legs_flies_to_a_place_and_stands():
     how = {"mu_s": FRICTION, "stiffness": 8000.0, "noise": hp.Noise.typical(), "duration": 6.0}
-    run = walked(rotorcraft(15.0), make=lambda gait: hp.make_controller("condensed", gait, mu=FRICTION), **how)
+    run = walked(
+        rotorcraft(15.0),
+        make=lambda gait: hp.make_controller("condensed", gait, mu=FRICTION),
+        **how,
+    )
     air, land = (ticks(run, name) for name in ("air", "land"))
     assert run.ending == "completed"
     assert run["foot_position"][-1].mean(axis=0)[:2] == pytest.approx((0.5, 0.0), abs=0.02)
     assert run["foot_position"][air, :, 2].min(axis=1).max() == pytest.approx(0.3, abs=0.03)
     assert 0.05 < 2.0 * np.abs(run["q"][air, 4]).max() < 0.3
-    assert np.linalg.norm(run["foot_force"][land], axis=2).sum(axis=1).max() <= 2.0 * run.metadata["mass"] * 9.81
+    assert (
+        np.linalg.norm(run["foot_force"][land], axis=2).sum(axis=1).max()
+        <= 2.0 * run.metadata["mass"] * 9.81
+    )
     assert 2.0 * np.hypot(run["q"][-1, 3], run["q"][-1, 4]) < 0.02
 
 

@@ -1,4 +1,6 @@
-"""The Gymnasium environments: the checker's rules, the simulator's physics, and a vector that is n single ones."""
+"""The Gymnasium environments: the checker's rules, the simulator's physics, and a vector that is n
+single ones.
+"""
 
 import subprocess
 import sys
@@ -18,7 +20,9 @@ import harpy_pin as hp  # noqa: E402
 from harpy_pin.contrib.gym import HarpyEnv, HarpyVectorEnv  # noqa: E402
 from harpy_pin.contrib.shield import Shield  # noqa: E402
 
-SHORT = hp.Scenario(gait=hp.Straight(speed=0.3), duration=0.4, period=5e-3, dt=1e-3, ground=hp.Ground(mu_s=0.4))
+SHORT = hp.Scenario(
+    gait=hp.Straight(speed=0.3), duration=0.4, period=5e-3, dt=1e-3, ground=hp.Ground(mu_s=0.4)
+)
 
 
 @pytest.mark.parametrize("shield", [False, True])
@@ -30,7 +34,9 @@ def test_checker_has_nothing_to_say(shield):
 
 def test_name_is_known_to_gymnasium():
     one = gymnasium.make("harpy_pin.contrib.gym:Harpy-v0", scenario=SHORT)
-    many = gymnasium.make_vec("Harpy-v0", num_envs=3, vectorization_mode="vector_entry_point", scenario=SHORT)
+    many = gymnasium.make_vec(
+        "Harpy-v0", num_envs=3, vectorization_mode="vector_entry_point", scenario=SHORT
+    )
     assert isinstance(one.unwrapped, HarpyEnv)
     assert isinstance(many.unwrapped, HarpyVectorEnv)
     assert many.reset(seed=0)[0].shape == (3, 39)
@@ -47,7 +53,9 @@ def test_vector_is_n_single_environments(shield, monkeypatch):
     scenario, n = replace(SHORT, gait=hp.Straight(speed=0.2), duration=0.6, disturbances=pushed), 5
     ours = HarpyVectorEnv(n, scenario, shield=shield, threads=2)
     singles = SyncVectorEnv(
-        [lambda: HarpyEnv(scenario, shield=shield)] * n, autoreset_mode=AutoresetMode.NEXT_STEP, copy=True
+        [lambda: HarpyEnv(scenario, shield=shield)] * n,
+        autoreset_mode=AutoresetMode.NEXT_STEP,
+        copy=True,
     )
     assert ours.single_action_space == singles.single_action_space
     assert ours.observation_space == singles.observation_space
@@ -68,7 +76,9 @@ def test_vector_is_n_single_environments(shield, monkeypatch):
 
 
 class Springs:
-    """What an action means, by the documentation, as a controller of the library: without a shield, joint targets."""
+    """What an action means, by the documentation, as a controller of the library: without a shield,
+    joint targets.
+    """
 
     period = 1e-3
 
@@ -124,7 +134,9 @@ def test_physics_observation_and_reward_are_what_is_documented(mu):
                 [0.3],
             )
         )
-        np.testing.assert_allclose(observation, np.clip(expected, -10.0, 10.0), rtol=1e-5, atol=1e-5)
+        np.testing.assert_allclose(
+            observation, np.clip(expected, -10.0, 10.0), rtol=1e-5, atol=1e-5
+        )
         effort = np.sum((0.5 * springs.action[6:]) ** 2)
         speed = (velocity[0] - 0.3) ** 2 + velocity[1] ** 2
         assert reward == pytest.approx(np.exp(-speed / 0.25**2) - 0.1 * effort, abs=1e-6)
@@ -163,7 +175,8 @@ def test_what_does_not_fit_is_refused():
     )
     for more in given:
         with pytest.raises(
-            hp.InputError, match="own plant, without sensors, noise, delay or actuators, on flat ground"
+            hp.InputError,
+            match="own plant, without sensors, noise, delay or actuators, on flat ground",
         ):
             HarpyEnv(hp.Scenario(period=5e-3, dt=1e-3, **more))
     with pytest.raises(hp.InputError, match="num_envs must be"):

@@ -1,4 +1,6 @@
-"""Live: the page's server against foreign pages and garbage, and the page itself in headless Chromium."""
+"""Live: the page's server against foreign pages and garbage, and the page itself in headless
+Chromium.
+"""
 
 from __future__ import annotations
 
@@ -38,7 +40,12 @@ PATIENCE = 600.0
 def drive(robot: hp.Robot, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Drive]:
     """A robot that is driven, in a thread."""
     save = tmp_path_factory.mktemp("live") / "drive.npz"
-    drive = Drive(LiveSettings(forward=0.2, friction=0.6), robot=robot, save=save, listener=listen("127.0.0.1", 0))
+    drive = Drive(
+        LiveSettings(forward=0.2, friction=0.6),
+        robot=robot,
+        save=save,
+        listener=listen("127.0.0.1", 0),
+    )
     thread = threading.Thread(target=drive.run)
     thread.start()
     try:
@@ -67,7 +74,9 @@ def port_of(drive: Drive) -> int:
 def ask(drive: Drive, *headers: str) -> bytes:
     """First line of what the server answers to a request with these headers."""
     with socket.create_connection(("127.0.0.1", port_of(drive)), timeout=600) as connection:
-        connection.sendall("\r\n".join(("GET / HTTP/1.1", *headers, "Connection: close", "", "")).encode())
+        connection.sendall(
+            "\r\n".join(("GET / HTTP/1.1", *headers, "Connection: close", "", "")).encode()
+        )
         return connection.recv(4096).split(b"\r\n")[0]
 
 
@@ -101,12 +110,20 @@ def test_only_this_machine_and_its_own_page(drive: Drive) -> None:
     ):
         assert b" 403 " in ask(drive, *headers), headers
         assert b" 101 " not in ask(drive, *headers, *UPGRADE), headers
-    for odd in ("127.0.0.1:" + "1" * 5000, f"127.0.0.1:{port}:1", "127.0.0.1:x", "127.0.0.1:٣", "[::1"):
+    for odd in (
+        "127.0.0.1:" + "1" * 5000,
+        f"127.0.0.1:{port}:1",
+        "127.0.0.1:x",
+        "127.0.0.1:٣",
+        "[::1",
+    ):
         assert b" 400 " in ask(drive, f"Host: {odd}"), odd[:20]
 
 
 def test_rules_of_an_open_address() -> None:
-    """With ``--host`` other machines may come by address, but not by a name that somebody else has chosen."""
+    """With ``--host`` other machines may come by address, but not by a name that somebody else has
+    chosen.
+    """
     from harpy_pin.contrib.live.guard import allowed
 
     def ask(host: str, *, bound: str, port: int = 80) -> bool:
@@ -118,7 +135,9 @@ def test_rules_of_an_open_address() -> None:
     assert ask("[::1]:8080", bound="::1", port=8080)
     assert not ask("evil.example", bound="0.0.0.0")
     assert not ask("192.168.1.7", bound="127.0.0.1")
-    assert not allowed(["127.0.0.1"], ["http://127.0.0.1", "http://127.0.0.1"], bound="127.0.0.1", port=80)
+    assert not allowed(
+        ["127.0.0.1"], ["http://127.0.0.1", "http://127.0.0.1"], bound="127.0.0.1", port=80
+    )
 
 
 def test_garbage_does_not_kill_the_server(drive: Drive, fuzz: int) -> None:
@@ -126,9 +145,24 @@ def test_garbage_does_not_kill_the_server(drive: Drive, fuzz: int) -> None:
     from websockets.sync.client import connect
 
     rng = np.random.default_rng(7)
-    odd: list[Any] = [None, 1, "x", [], {}, {"type": "none"}, {"type": 3}, {"type": "GuiUpdateMessage"}]
-    odd += [{"type": "GuiUpdateMessage", "uuid": "x", "updates": update} for update in (None, {"value": 1}, 7)]
-    odd += [{"type": name} for name in ("ViewerCameraMessage", "ShareUrlRequest", "FileTransferStartUpload", "Message")]
+    odd: list[Any] = [
+        None,
+        1,
+        "x",
+        [],
+        {},
+        {"type": "none"},
+        {"type": 3},
+        {"type": "GuiUpdateMessage"},
+    ]
+    odd += [
+        {"type": "GuiUpdateMessage", "uuid": "x", "updates": update}
+        for update in (None, {"value": 1}, 7)
+    ]
+    odd += [
+        {"type": name}
+        for name in ("ViewerCameraMessage", "ShareUrlRequest", "FileTransferStartUpload", "Message")
+    ]
     messages: list[bytes | str] = [msgspec.msgpack.encode(value) for value in odd]
     messages += [rng.bytes(int(size)) for size in rng.integers(0, 300, 20 * fuzz)]
     messages += ["text", b"", b"\xc1", b"\x00" * 100_000]
@@ -150,13 +184,20 @@ def test_garbage_does_not_kill_the_server(drive: Drive, fuzz: int) -> None:
     soon(lambda: not drive.viewers)
 
 
-def open_page(browser: Any, drive: Drive, complaints: list[str], *, shows: str, width: int = 780) -> Any:
-    """The page, once it shows a text; what it complains about, and addresses elsewhere that it asks for, are kept."""
+def open_page(
+    browser: Any, drive: Drive, complaints: list[str], *, shows: str, width: int = 780
+) -> Any:
+    """The page, once it shows a text; what it complains about, and addresses elsewhere that it asks
+    for, are kept.
+    """
     page = browser.new_page(viewport={"width": width, "height": 480})
     page.set_default_timeout(1e3 * PATIENCE)
     page.on("console", lambda said: complaints.append(said.text) if said.type == "error" else None)
     page.on("pageerror", lambda error: complaints.append(str(error)))
-    page.on("request", lambda request: complaints.append(request.url) if is_foreign(request.url, drive) else None)
+    page.on(
+        "request",
+        lambda request: complaints.append(request.url) if is_foreign(request.url, drive) else None,
+    )
     page.goto(drive.url + COARSE)
     page.get_by_text(shows).first.wait_for()
     return page
@@ -280,7 +321,9 @@ def test_page_of_another_robot(browser: Any) -> None:
         soon(lambda: session.gait.schedule == "trot")  # type: ignore[union-attr]
         page.keyboard.press("p")
         soon(lambda: session.paused)
-        assert colours(page.locator("canvas").first.screenshot()) > 500  # a blank scene has a handful
+        assert (
+            colours(page.locator("canvas").first.screenshot()) > 500
+        )  # a blank scene has a handful
         page.close()
     finally:
         drive.stop()
@@ -300,7 +343,9 @@ def test_command_ends_with_its_log(tmp_path: Path) -> None:
     command = [sys.executable, "-m", "harpy_pin", "live", "--no-browser", "--speed", "0.2"]
     save, numbers = tmp_path / "drive.npz", tmp_path / "times.json"
     arguments = [*command, "--save", str(save), "--json", str(numbers)]
-    running = subprocess.Popen(arguments, cwd=root, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    running = subprocess.Popen(
+        arguments, cwd=root, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
     assert running.stdout is not None
     assert "http://127.0.0.1:" in running.stdout.readline()  # while controllers are compiled
     assert running.stdout.readline().startswith("drive harpy: http://127.0.0.1:")

@@ -53,7 +53,9 @@ def page(robot: hp.Robot) -> Iterator[Page]:
     page.page.server.stop()
 
 
-def send(page: Page, messages: list[dict[str, Any]], *, camera: dict[str, Any] | None = None) -> None:
+def send(
+    page: Page, messages: list[dict[str, Any]], *, camera: dict[str, Any] | None = None
+) -> None:
     """As one page, and wait until all of it was taken."""
     with connected(page.url) as browser:
         for message in (camera or CAMERA, *messages):
@@ -72,15 +74,37 @@ def update(uuid: str, value: Any) -> dict[str, Any]:
     return {"type": "GuiUpdateMessage", "uuid": uuid, "updates": {"value": value}}
 
 
-def test_values_that_are_no_option_are_refused(page: Page, capfd: pytest.CaptureFixture[str], fuzz: int) -> None:
-    """They reach neither the control nor the session; the panel says so, and nothing prints a traceback."""
+def test_values_that_are_no_option_are_refused(
+    page: Page, capfd: pytest.CaptureFixture[str], fuzz: int
+) -> None:
+    """They reach neither the control nor the session; the panel says so, and nothing prints a
+    traceback.
+    """
     rng = np.random.default_rng(3)
-    odd: list[Any] = [None, "x", "", [], {}, [1, 2], {"a": 1}, float("nan"), float("inf"), -1e308, 1e308, 2**63 - 1]
+    odd: list[Any] = [
+        None,
+        "x",
+        "",
+        [],
+        {},
+        [1, 2],
+        {"a": 1},
+        float("nan"),
+        float("inf"),
+        -1e308,
+        1e308,
+        2**63 - 1,
+    ]
     odd += [b"\x00", "1e5", "real time\n", -1, 3.5, "x" * 5000]
     odd += [float(value) for value in rng.standard_cauchy(5 * fuzz) * 1e3]
     before = {uuid: handle.value for uuid, handle in page.controls.items()}
     kinds = {uuid: type(handle).__name__ for uuid, handle in page.controls.items()}
-    assert {"GuiDropdownHandle", "GuiButtonGroupHandle", "GuiSliderHandle", "GuiCheckboxHandle"} <= set(kinds.values())
+    assert {
+        "GuiDropdownHandle",
+        "GuiButtonGroupHandle",
+        "GuiSliderHandle",
+        "GuiCheckboxHandle",
+    } <= set(kinds.values())
     for uuid, handle in page.controls.items():
         if kinds[uuid] == "GuiButtonHandle":
             continue
@@ -88,7 +112,11 @@ def test_values_that_are_no_option_are_refused(page: Page, capfd: pytest.Capture
         whole = isinstance(before[uuid], int)
 
         def fits(value: Any, low: float = low, high: float = high, whole: bool = whole) -> bool:
-            return isinstance(value, int | float) and low <= value <= high and (not whole or value == int(value))
+            return (
+                isinstance(value, int | float)
+                and low <= value <= high
+                and (not whole or value == int(value))
+            )
 
         page.panel._standing |= {"note": "", "refused": False}
         send(page, [update(uuid, value) for value in odd if not fits(value)])
@@ -104,15 +132,23 @@ def test_values_that_are_no_option_are_refused(page: Page, capfd: pytest.Capture
 
 def test_what_controls_have_is_taken(page: Page) -> None:
     pace, walk = (
-        next(uuid for uuid, handle in page.controls.items() if getattr(handle, "label", "") == label)
+        next(
+            uuid for uuid, handle in page.controls.items() if getattr(handle, "label", "") == label
+        )
         for label in ("Pace", "Step")
     )
     friction = page.panel._handles["friction"]._impl.uuid
     send(page, [update(pace, "1/2"), update(walk, "10 ms"), update(friction, 0.4)])
     said: list[Any] = []
-    wait_until(lambda: said.extend(word for word in page.said() if word[0] != "viewers") or len(said) == 3)
+    wait_until(
+        lambda: said.extend(word for word in page.said() if word[0] != "viewers") or len(said) == 3
+    )
     assert len(said) == 3
-    for word in (("change", {"pace": 0.5}), ("step", 10), ("change", {"friction": 0.4})):  # from threads of their own
+    for word in (
+        ("change", {"pace": 0.5}),
+        ("step", 10),
+        ("change", {"friction": 0.4}),
+    ):  # from threads of their own
         assert word in said
 
 
@@ -139,7 +175,9 @@ def test_drags_that_are_none_are_refused(page: Page, capfd: pytest.CaptureFixtur
 
 
 def test_the_camera_follows() -> None:
-    """Wherever the keys have moved it, it looks at the robot again, from the same side and distance."""
+    """Wherever the keys have moved it, it looks at the robot again, from the same side and
+    distance.
+    """
     eye, middle = np.array(EYE), np.array(MIDDLE)
     assert followed(eye, middle, middle) is None
     for move in ([3.0, 0.0, 0.0], [0.0, -40.0, 0.0], [0.0, 0.0, 7.0]):
@@ -160,9 +198,19 @@ def test_the_camera_follows() -> None:
 
 @pytest.mark.parametrize("follows", [True, False])
 def test_a_page_whose_keys_move_the_camera_gets_it_back(page: Page, follows: bool) -> None:
-    """As a minute of driving moves it, and from the distance of its driver; unless the driver does not want that."""
-    middle, away, twice = np.array(MIDDLE), np.array([40.0, 0.0, 0.0]), 2.0 * (np.array(EYE) - MIDDLE)
-    moved = {**CAMERA, "position": (middle + away + twice).tolist(), "look_at": (middle + away).tolist()}
+    """As a minute of driving moves it, and from the distance of its driver; unless the driver does
+    not want that.
+    """
+    middle, away, twice = (
+        np.array(MIDDLE),
+        np.array([40.0, 0.0, 0.0]),
+        2.0 * (np.array(EYE) - MIDDLE),
+    )
+    moved = {
+        **CAMERA,
+        "position": (middle + away + twice).tolist(),
+        "look_at": (middle + away).tolist(),
+    }
     assert page.panel.follows
     page.panel._follows.value = follows
     wait_until(lambda: not page.page.server.get_clients())  # those of tests before have gone
@@ -190,7 +238,9 @@ ODD_CAMERAS: list[dict[str, Any]] = [
 
 @pytest.mark.filterwarnings("ignore:.viser.:UserWarning", "ignore::RuntimeWarning")
 @pytest.mark.parametrize("odd", ODD_CAMERAS, ids=str)
-def test_cameras_that_are_nowhere_print_nothing(page: Page, capfd: pytest.CaptureFixture[str], odd: Any) -> None:
+def test_cameras_that_are_nowhere_print_nothing(
+    page: Page, capfd: pytest.CaptureFixture[str], odd: Any
+) -> None:
     turned = {**CAMERA, **odd, "fov": 0.8}
     send(page, [{**CAMERA, **odd}, CAMERA, turned], camera={**CAMERA, **odd})
     send(page, [turned, CAMERA, turned])
@@ -198,4 +248,6 @@ def test_cameras_that_are_nowhere_print_nothing(page: Page, capfd: pytest.Captur
     assert "Traceback" not in printed.err + printed.out
     nowhere = {"position": EYE, "look_at": MIDDLE} | odd
     place = followed(np.array(nowhere["position"]), np.array(nowhere["look_at"]), np.array(MIDDLE))
-    assert place is None or np.linalg.norm(place - MIDDLE) == pytest.approx(np.linalg.norm(np.subtract(EYE, MIDDLE)))
+    assert place is None or np.linalg.norm(place - MIDDLE) == pytest.approx(
+        np.linalg.norm(np.subtract(EYE, MIDDLE))
+    )

@@ -19,7 +19,9 @@ def walk(session: LiveSession, duration: float) -> LiveSession:
 
 
 def test_driven_on_the_estimate(robot: hp.Robot) -> None:
-    """It walks and turns on what it feels, on a slope, too; the log has the estimate, and it is not the truth."""
+    """It walks and turns on what it feels, on a slope, too; the log has the estimate, and it is not
+    the truth.
+    """
     session = walk(LiveSession(LiveSettings(forward=0.3, friction=0.6), robot=robot), 0.2)
     assert np.isnan(np.asarray(session.signals["estimated_q"])).all()
     session.change({"state": "estimated", "forward": 0.3, "turning": 0.5})
@@ -43,13 +45,17 @@ def estimator_of(session: LiveSession) -> hp.Estimator:
 def headings(session: LiveSession) -> tuple[float, float]:
     """Heading of the robot, and the estimate of it, rad."""
     poses = session.simulator.q, np.asarray(session.signals["estimated_q"])
-    true, estimated = (float(pin.rpy.matrixToRpy(pin.Quaternion(q[3:7]).matrix())[2]) for q in poses)
+    true, estimated = (
+        float(pin.rpy.matrixToRpy(pin.Quaternion(q[3:7]).matrix())[2]) for q in poses
+    )
     return true, estimated
 
 
 @needs_robots
 def test_changes_leave_the_estimate_alone() -> None:
-    """Neither slope nor controller nor schedule say where the robot is, and no foot is forgotten."""
+    """Neither slope nor controller nor schedule say where the robot is, and no foot is
+    forgotten.
+    """
     session = walk(LiveSession(robot=hp.load_robot("go2")), 0.1)
     session.change({"state": "estimated"})
     q = session.simulator.q.copy()

@@ -52,7 +52,9 @@ def test_it_goes_where_it_is_told(go2: hp.Robot) -> None:
 
 
 def test_schedules_change_while_it_goes_on(go2: hp.Robot) -> None:
-    """It stops first; the settings stay, and the new gait goes on with them from where the robot stands."""
+    """It stops first; the settings stay, and the new gait goes on with them from where the robot
+    stands.
+    """
     session = walk(make(go2, forward=0.3), 1.0)
     for name in ("crawl", "pace", "trot"):
         assert name in session.change({"schedule": name})
@@ -133,7 +135,9 @@ def test_corners_count_as_one_foot(go2: hp.Robot) -> None:
     g1 = WholeFeet(hp.load_robot("g1"))
     assert g1.names == ("left_sole", "right_sole")
     points = np.arange(24.0).reshape(8, 3)
-    np.testing.assert_array_equal(g1.force(points), [points[:4].sum(axis=0), points[4:].sum(axis=0)])
+    np.testing.assert_array_equal(
+        g1.force(points), [points[:4].sum(axis=0), points[4:].sum(axis=0)]
+    )
     np.testing.assert_array_equal(g1.least(points[:, 0]), [0.0, 12.0])
     whole = WholeFeet(go2)
     assert whole.names == go2.feet

@@ -1,4 +1,6 @@
-"""Live: the session by a made-up clock, its times, its board and its log; no browser and no page."""
+"""Live: the session by a made-up clock, its times, its board and its log; no browser and no
+page.
+"""
 
 from __future__ import annotations
 
@@ -83,11 +85,16 @@ def test_ice_lies_ahead_and_goes(robot: hp.Robot) -> None:
 
 
 def test_controllers_take_over_in_mid_walk(robot: hp.Robot) -> None:
-    """From each to each other, at moments that fall on all parts of a step: nobody falls, nothing jumps."""
+    """From each to each other, at moments that fall on all parts of a step: nobody falls, nothing
+    jumps.
+    """
     session = walk(make(robot), 2.0)
     begin = float(session.simulator.q[0])
     names = list(CONTROLLERS)
-    order = [*(name for k, a in enumerate(names) for b in names[k + 1 :] for name in (a, b)), names[0]]
+    order = [
+        *(name for k, a in enumerate(names) for b in names[k + 1 :] for name in (a, b)),
+        names[0],
+    ]
     assert sorted(pairwise(order)) == sorted(permutations(names, 2))
     assert session.settings.controller == names[0]
     for number, name in enumerate(order[1:]):
@@ -234,7 +241,11 @@ def test_bad_settings_change_nothing(robot: hp.Robot, shared: LiveSession, chang
     settings, controller, ground = shared.settings, shared.controller, shared.simulator.ground
     with pytest.raises(InputError):
         shared.change(changes)
-    assert (shared.settings, shared.controller, shared.simulator.ground) == (settings, controller, ground)
+    assert (shared.settings, shared.controller, shared.simulator.ground) == (
+        settings,
+        controller,
+        ground,
+    )
     shared.step(20)
     assert not shared.ending
 
@@ -262,7 +273,9 @@ def test_bad_events_are_refused(shared: LiveSession) -> None:
     assert not shared.ending
 
 
-def test_a_controller_that_fails_stops_the_walk_only(robot: hp.Robot, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_controller_that_fails_stops_the_walk_only(
+    robot: hp.Robot, monkeypatch: pytest.MonkeyPatch
+) -> None:
     session = walk(make(robot), 0.2)
 
     def fail(state: hp.State) -> hp.Command:
@@ -280,7 +293,9 @@ def test_tick_times_are_percentiles() -> None:
     for sample in samples:
         times.add(int(sample))
     for percent in (1.0, 50.0, 99.0, 99.9):
-        assert times.percentile(percent) == pytest.approx(np.percentile(samples, percent) * 1e-3, abs=0.11, rel=0.002)
+        assert times.percentile(percent) == pytest.approx(
+            np.percentile(samples, percent) * 1e-3, abs=0.11, rel=0.002
+        )
     assert times.longest == samples.max()
     assert np.isnan(TickTimes().percentile(50.0))
     late = TickTimes()
@@ -335,7 +350,12 @@ def test_log_is_a_run_at_every_moment(robot: hp.Robot, tmp_path: Path) -> None:
     frames = Frames(run, robot)
     mu = frames.contacts[frames.rows].mu
     assert mu is not None
-    assert [mu[n, 0] for n in (0, 20, 22, -1)] == [0.6, 0.6, 0.3, 0.3]  # the change was after 0.7 s, at 21 frames
+    assert [mu[n, 0] for n in (0, 20, 22, -1)] == [
+        0.6,
+        0.6,
+        0.3,
+        0.3,
+    ]  # the change was after 0.7 s, at 21 frames
     assert "harpy" in replay_html([(run, robot)])
 
 
@@ -357,18 +377,24 @@ def test_drive_without_a_page(robot: hp.Robot, tmp_path: Path) -> None:
 
 
 def test_robot_stands_before_controllers_are_made(robot: hp.Robot) -> None:
-    """What a page shows while kernels are compiled: the robot at rest, on its feet, and where it is to be."""
+    """What a page shows while kernels are compiled: the robot at rest, on its feet, and where it is
+    to be.
+    """
     seen: list[tuple[float, float, bool]] = []
 
     def look(session: LiveSession) -> None:
         board = SharedSnapshots(multiprocessing.get_context("spawn"), session)
         board.write(session)
         (snapshot,), _ = board.read(0)
-        seen.append((snapshot["q"][2], snapshot["x_r"][2], isinstance(session.controller, GaitController)))
+        seen.append(
+            (snapshot["q"][2], snapshot["x_r"][2], isinstance(session.controller, GaitController))
+        )
 
     session = LiveSession(LiveSettings(controller="paper"), robot=robot, on_standing=look)
     ((height, target, controlled),) = seen
-    assert height == session.gait.initial_state(penetration=session.simulator.static_penetration)[0][2]
+    assert (
+        height == session.gait.initial_state(penetration=session.simulator.static_penetration)[0][2]
+    )
     assert abs(height - target) < 0.02
     assert not controlled
     assert isinstance(session.controller, GaitController)
@@ -376,7 +402,9 @@ def test_robot_stands_before_controllers_are_made(robot: hp.Robot) -> None:
 
 @pytest.mark.parametrize("name", ["harpy", "go2"])
 def test_the_ground_tilts_about_the_place_below_the_body(robot: hp.Robot, name: str) -> None:
-    """Far from the origin, too: the ground below it stays where it was, and it walks on up the slope and down again."""
+    """Far from the origin, too: the ground below it stays where it was, and it walks on up the
+    slope and down again.
+    """
     driven = robot if name == "harpy" else hp.load_robot("go2")
     session = LiveSession(usual_settings(driven).changed({"forward": 0.3}), robot=driven)
     walk(session, 2.0)
@@ -398,7 +426,9 @@ def test_the_ground_tilts_about_the_place_below_the_body(robot: hp.Robot, name: 
     assert float(snapshot["ground_slope"]) == session.plane.slope
     angle = session.plane.slope
     normal = np.array((-np.sin(angle), 0.0, np.cos(angle)))
-    np.testing.assert_allclose(snapshot["contact_force"][:, 2], snapshot["foot_force"] @ normal, atol=1e-9)
+    np.testing.assert_allclose(
+        snapshot["contact_force"][:, 2], snapshot["foot_force"] @ normal, atol=1e-9
+    )
 
 
 def test_it_begins_on_the_slope_that_is_set(robot: hp.Robot) -> None:
@@ -418,6 +448,12 @@ def test_power_is_that_of_the_last_tick(robot: hp.Robot) -> None:
     board.write(session)
     walk(session, 0.5)
     board.write(session)
-    joints = sum(max(t * w, 0.0) for t, w in zip(session.last.command.torque, session.last.state.v[6:], strict=True))
-    fans = sum(1000.0 * (float(np.linalg.norm(force)) / 18.0) ** 1.5 for force in session.last.command.thrust)
+    joints = sum(
+        max(t * w, 0.0)
+        for t, w in zip(session.last.command.torque, session.last.state.v[6:], strict=True)
+    )
+    fans = sum(
+        1000.0 * (float(np.linalg.norm(force)) / 18.0) ** 1.5
+        for force in session.last.command.thrust
+    )
     np.testing.assert_allclose(board.read(0)[0]["power"], [[0.0, 0.0], [joints, fans]])

@@ -18,14 +18,18 @@ GAIT = hp.make_gait(ROBOT)
 
 
 def walk(*, lag=0.0, duration=1.0):
-    plant = hp.Simulator(ROBOT, hp.Ground(mu_s=0.25), actuators=hp.Actuators(thrusters=hp.Thrusters(lag=lag)))
+    plant = hp.Simulator(
+        ROBOT, hp.Ground(mu_s=0.25), actuators=hp.Actuators(thrusters=hp.Thrusters(lag=lag))
+    )
     plant.reset(*GAIT.initial_state(penetration=plant.static_penetration))
     return plant.run(hp.make_controller("condensed", GAIT, mu=0.25), duration)
 
 
 @needs_robots
 def test_a_rotorcraft_that_hovers_takes_the_power_of_its_weight():
-    """Four disks that carry the weight: (m g / 4)^(3/2) / √(2 ρ A) each, over figure of merit and efficiency."""
+    """Four disks that carry the weight: (m g / 4)^(3/2) / √(2 ρ A) each, over figure of merit and
+    efficiency.
+    """
     robot = hp.load_robot("iris")
     gait = hp.Hovering(robot)
     plant = hp.Simulator(robot)
@@ -42,7 +46,9 @@ def test_a_rotorcraft_that_hovers_takes_the_power_of_its_weight():
 def test_presets_give_their_point(name):
     preset = PRESETS[name]
     assert preset.electrical(np.array([0.0, preset.thrust])) == pytest.approx([0.0, preset.power])
-    assert preset.electrical(np.array([4.0 * preset.thrust]))[0] == pytest.approx(8.0 * preset.power)
+    assert preset.electrical(np.array([4.0 * preset.thrust]))[0] == pytest.approx(
+        8.0 * preset.power
+    )
 
 
 def test_work_of_joints_is_kinetic_energy():
@@ -62,7 +68,9 @@ def test_work_of_joints_is_kinetic_energy():
 
     run = plant.run(Swing(), 0.1, metadata={})
     found = power(run, motors=Motors(constant=0.5))
-    moving = pin.computeKineticEnergy(ROBOT.model, ROBOT.model.createData(), run["q"][-1], run["v"][-1])
+    moving = pin.computeKineticEnergy(
+        ROBOT.model, ROBOT.model.createData(), run["q"][-1], run["v"][-1]
+    )
     rate = found.joint_mechanical
     work = float(np.sum(0.5 * (rate[1:] + rate[:-1]))) * 1e-4
     assert moving > 1e-3
@@ -78,7 +86,9 @@ def test_battery_is_shaft_and_heat(recovered):
     braking = np.maximum(-run["torque"] * run["v"][:, 6:], 0.0).sum(axis=1)
     copper = (run["torque"] ** 2).sum(axis=1) / 0.36
     fans = 1000.0 * ((np.linalg.norm(run["thrust"], axis=2) / 18.0) ** 1.5).sum(axis=1)
-    np.testing.assert_allclose(found.battery, fans + positive + copper - recovered * braking, rtol=1e-12)
+    np.testing.assert_allclose(
+        found.battery, fans + positive + copper - recovered * braking, rtol=1e-12
+    )
     parts = found.thrust_shaft + found.thrust_heat + found.joint_mechanical + found.joint_heat
     np.testing.assert_allclose(found.battery, parts, rtol=1e-12)
     assert found.watts == pytest.approx(found.energy / (len(run) * 1e-3))

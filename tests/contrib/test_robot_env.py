@@ -1,4 +1,6 @@
-"""The environment of any robot: the checker's rules, the simulator's physics, and rewards by name or by a function."""
+"""The environment of any robot: the checker's rules, the simulator's physics, and rewards by name
+or by a function.
+"""
 
 import warnings
 
@@ -23,11 +25,15 @@ pytestmark = needs_robots
 def test_checker_has_nothing_to_say(action):
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        check_env(gymnasium.make("harpy_pin.contrib.gym:Robot-v0", robot="go2", action=action).unwrapped)
+        check_env(
+            gymnasium.make("harpy_pin.contrib.gym:Robot-v0", robot="go2", action=action).unwrapped
+        )
 
 
 def test_velocity_actions_drive_the_robot():
-    """Where the action is the velocity that is asked for, the robot moves so, and both rewards are almost one."""
+    """Where the action is the velocity that is asked for, the robot moves so, and both rewards are
+    almost one.
+    """
     env = RobotEnv("go2", velocity=(0.5, 0.0, 0.3), reward={"velocity": 1.0, "turning": 1.0})
     env.reset(seed=0)
     top = float(hp.WalkingGait(env.robot).record["max_speed"][0])
@@ -46,7 +52,12 @@ def test_it_stands_on_terrain(action):
     """On a slope, heights are above the ground, where its feet are; it walks up there."""
     terrain = hp.ground.Plane(slope=0.15, above=2.0)
     ground = hp.Ground(mu_s=0.8, stiffness=75e3, terrain=terrain)
-    env = RobotEnv("go2", action=action, velocity=(0.3, 0.0, 0.0), scenario=hp.Scenario(ground=ground, duration=2.0))
+    env = RobotEnv(
+        "go2",
+        action=action,
+        velocity=(0.3, 0.0, 0.0),
+        scenario=hp.Scenario(ground=ground, duration=2.0),
+    )
     observation, _ = env.reset(seed=0)
     assert abs(observation[0]) < 0.5
     place = env.state.foot_position
@@ -104,13 +115,17 @@ def test_joint_actions_are_springs_and_dampers():
         env.step(action)
         for _ in range(20):
             state = plant.state
-            torque = spring * (posture[7:] + 0.5 * action - state.q[7:]) - 0.03 * spring * state.v[6:]
+            torque = (
+                spring * (posture[7:] + 0.5 * action - state.q[7:]) - 0.03 * spring * state.v[6:]
+            )
             plant.advance(hp.Command(np.clip(torque, -limit, limit), np.zeros((0, 3))), steps=2)
     np.testing.assert_allclose(env.state.q, plant.state.q, rtol=0, atol=1e-9)
 
 
 def test_motors_hold_joint_targets():
-    """Beside the simulator, with friction in the joints; torque and power are those of motors, not commanded ones."""
+    """Beside the simulator, with friction in the joints; torque and power are those of motors, not
+    commanded ones.
+    """
     friction = hp.Actuators(viscous_friction=1.0)
     motors = hp.Condensed(parameters={"joint_stiffness": 1.0, "joint_damping": 0.3})
     made = scenario(controller=motors, actuators=friction)
@@ -129,7 +144,9 @@ def test_motors_hold_joint_targets():
             command = controller.step(plant.state)
             plant.advance(command, steps=env._substeps)
         moved = plant.record["motors"]["mean_torque"][0]
-        share, commanded = (np.mean((torque / robot.torque_limit) ** 2) for torque in (moved, command.torque))
+        share, commanded = (
+            np.mean((torque / robot.torque_limit) ** 2) for torque in (moved, command.torque)
+        )
         power = np.abs(moved * plant.v[6:]).sum() / (9.81 * robot.mass)
         assert info["reward"] == pytest.approx({"torque": share, "power": power})
         worst = max(worst, abs(commanded / share - 1.0))
@@ -145,7 +162,9 @@ def test_equal_seeds_give_equal_episodes_with_noise_and_pushes():
         rows = [env.reset(seed=seed)[0]]
         over = False
         while not over:
-            observation, reward, terminated, truncated, _ = env.step(np.array([0.3, 0.0, 0.0], dtype=np.float32))
+            observation, reward, terminated, truncated, _ = env.step(
+                np.array([0.3, 0.0, 0.0], dtype=np.float32)
+            )
             rows.append(np.append(observation, reward))
             over = terminated or truncated
         assert (terminated, truncated, len(rows)) == (False, True, 21)
@@ -155,14 +174,23 @@ def test_equal_seeds_give_equal_episodes_with_noise_and_pushes():
 
 
 def test_on_the_estimate():
-    """The controller and the observation have the estimate; episodes of one seed are equal, and others are not."""
+    """The controller and the observation have the estimate; episodes of one seed are equal, and
+    others are not.
+    """
     last = []
     for state, seed in (("true", 4), ("estimated", 4), ("estimated", 4), ("estimated", 5)):
-        env = RobotEnv("go2", scenario=hp.Scenario(robot="go2", ground=hp.Ground(mu_s=0.6), state=state, duration=1.0))
+        env = RobotEnv(
+            "go2",
+            scenario=hp.Scenario(
+                robot="go2", ground=hp.Ground(mu_s=0.6), state=state, duration=1.0
+            ),
+        )
         env.reset(seed=seed)
         over = False
         while not over:
-            observation, _, terminated, over, _ = env.step(np.array([0.4, 0.0, 0.1], dtype=np.float32))
+            observation, _, terminated, over, _ = env.step(
+                np.array([0.4, 0.0, 0.1], dtype=np.float32)
+            )
             assert not terminated
         velocity = env.state.v[:3]
         assert np.abs(observation[4:7] - velocity).max() < 0.1
@@ -173,9 +201,13 @@ def test_on_the_estimate():
 
 
 def test_its_sensors_are_sampled_once_at_each_tick():
-    """With a slow inertial unit the estimate is that of a walk; an environment that begins anew has forgotten all."""
+    """With a slow inertial unit the estimate is that of a walk; an environment that begins anew has
+    forgotten all.
+    """
     imu = hp.Imu(rate=500.0)
-    s = hp.Scenario(robot="go2", ground=hp.Ground(mu_s=0.6), state="estimated", sensors=imu, duration=2.0)
+    s = hp.Scenario(
+        robot="go2", ground=hp.Ground(mu_s=0.6), state="estimated", sensors=imu, duration=2.0
+    )
     env = RobotEnv("go2", scenario=s)
     off, first = [], []
     for _ in range(2):
@@ -193,7 +225,9 @@ def test_a_fall_terminates():
     env = RobotEnv("solo12", action="joints")
     env.reset(seed=0)
     for _ in range(200):
-        _, reward, terminated, truncated, _ = env.step(np.ones(12, dtype=np.float32) * np.resize((1.0, -1.0), 12))
+        _, reward, terminated, truncated, _ = env.step(
+            np.ones(12, dtype=np.float32) * np.resize((1.0, -1.0), 12)
+        )
         assert np.isfinite(reward)
         if terminated:
             break
@@ -210,7 +244,10 @@ def test_rewards_by_name_and_by_a_function():
         return 2.0
 
     action = np.array([0.3, 0.1, -0.2], dtype=np.float32)
-    by_function, by_name = RobotEnv("go2", reward=own), RobotEnv("go2", reward=dict.fromkeys(TERMS, 1.0))
+    by_function, by_name = (
+        RobotEnv("go2", reward=own),
+        RobotEnv("go2", reward=dict.fromkeys(TERMS, 1.0)),
+    )
     for env in (by_function, by_name):
         env.reset(seed=2)
         for _ in range(5):

@@ -14,7 +14,10 @@ MU = 0.3
 
 def margins(state, command):
     """(feet, 2) friction margin and normal force, by Pinocchio; +inf in the air."""
-    touching, kappa = state.foot_force[:, 2] > 1.0, hp.ContactForceFilterParameters().contact_damping
+    touching, kappa = (
+        state.foot_force[:, 2] > 1.0,
+        hp.ContactForceFilterParameters().contact_damping,
+    )
     force, _ = constrained_dynamics(ROBOT, state.q, state.v, command, touching, damping=kappa)
     result = np.column_stack((MU * force[:, 2] - np.hypot(force[:, 0], force[:, 1]), force[:, 2]))
     return np.where(touching[:, None], result, np.inf)
@@ -38,7 +41,9 @@ def test_report_is_true_and_what_it_calls_safe_is_safe():
         assert (np.abs(result.torque) <= ROBOT.torque_limit).all()
         assert (np.linalg.norm(result.thrust, axis=1) <= ROBOT.thrust_limit * (1.0 + 1e-12)).all()
         after = margins(state, result)
-        np.testing.assert_allclose(report.after, after, atol=1e-6 * (1.0 + np.abs(after[np.isfinite(after)]).max()))
+        np.testing.assert_allclose(
+            report.after, after, atol=1e-6 * (1.0 + np.abs(after[np.isfinite(after)]).max())
+        )
         beyond = any(reason.startswith(("torque", "thrust")) for reason in report.reasons)
         limited += beyond
         if not beyond:
@@ -177,7 +182,9 @@ class Shielded:
 
 
 def test_walk_behind_it_slips_less():
-    scenario = hp.Scenario(ground=hp.Ground(mu_s=0.2), duration=2.0, controller=hp.Governed(governor="none"))
+    scenario = hp.Scenario(
+        ground=hp.Ground(mu_s=0.2), duration=2.0, controller=hp.Governed(governor="none")
+    )
     made = []
 
     def shielded(gait):

@@ -18,8 +18,14 @@ def stack(pairs):
     """Arrays of a batch from states and commands."""
     states, commands = zip(*pairs, strict=True)
     return (
-        *(np.array([getattr(state, name) for state in states]) for name in ("q", "v", "foot_force")),
-        *(np.array([getattr(command, name) for command in commands]) for name in ("torque", "thrust")),
+        *(
+            np.array([getattr(state, name) for state in states])
+            for name in ("q", "v", "foot_force")
+        ),
+        *(
+            np.array([getattr(command, name) for command in commands])
+            for name in ("torque", "thrust")
+        ),
     )
 
 
@@ -40,9 +46,13 @@ def compare(batch, shields, pairs):
         assert (report.changed[i], report.safe[i]) == (single.changed, single.safe)
         assert report.bad_state[i] == ("bad state" in single.reasons)
         assert report.bad_command[i] == ("bad command" in single.reasons)
-        assert report.limited[i] == any(reason.startswith(("torque", "thrust")) for reason in single.reasons)
+        assert report.limited[i] == any(
+            reason.startswith(("torque", "thrust")) for reason in single.reasons
+        )
         for k, foot in enumerate(ROBOT.feet):
-            assert report.short[i, k].tolist() == [f"{what} {foot}" in single.reasons for what in WHAT]
+            assert report.short[i, k].tolist() == [
+                f"{what} {foot}" in single.reasons for what in WHAT
+            ]
         singles.append(single)
     return singles
 

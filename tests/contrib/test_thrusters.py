@@ -1,4 +1,6 @@
-"""A fan that loses power in the air is found, made up for, and the robot lands; healthy ones are left alone."""
+"""A fan that loses power in the air is found, made up for, and the robot lands; healthy ones are
+left alone.
+"""
 
 import numpy as np
 import pytest
@@ -29,7 +31,9 @@ def flown(share, *, flight, since, duration):
     """A flight with noise."""
 
     def make(gait):
-        return Weak(ThrustWatch(hp.make_controller("condensed", gait, mu=0.6), gait.robot), since, share)
+        return Weak(
+            ThrustWatch(hp.make_controller("condensed", gait, mu=0.6), gait.robot), since, share
+        )
 
     gait = Flying(flights=flight, start=0.1)
     return walked(make=make, gait=gait, mu_s=0.6, duration=duration, noise=hp.Noise.typical())

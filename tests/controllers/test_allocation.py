@@ -33,7 +33,11 @@ def test_ticks_leave_no_memory_behind(name):
     tracemalloc.start()
     try:
         ticks(2)
-        for _ in range(3):  # what ticks keep grows each time; a message to pytest's worker, in another thread, does not
+        for _ in range(
+            3
+            # what ticks keep grows each time; a message to pytest's worker, in another thread, does
+            # not
+        ):
             gc.collect()
             before = tracemalloc.get_traced_memory()[0]
             ticks(6)

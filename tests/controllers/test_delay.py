@@ -9,7 +9,12 @@ import harpy_pin as hp
 from harpy_pin.controllers.parameters import FeedforwardGains
 from harpy_pin.model.dynamics import Dynamics
 
-SOFT = {"stance_p": (0.0,) * 3, "stance_d": (0.0,) * 3, "swing_p": (0.0,) * 3, "swing_d": (0.0,) * 3}
+SOFT = {
+    "stance_p": (0.0,) * 3,
+    "stance_d": (0.0,) * 3,
+    "swing_p": (0.0,) * 3,
+    "swing_d": (0.0,) * 3,
+}
 
 
 def half_a_second():
@@ -20,21 +25,32 @@ def half_a_second():
 
 
 def test_feedforward_alone_makes_the_forces_and_motion_it_asks_for(robot):
-    """Without any feedback, on the gait's own state: the force that sticking then demands of the foot that carries is
-    the planned one up to what roll, pitch and yaw add, and a foot in the air accelerates as the gait asks."""
+    """Without any feedback, on the gait's own state: the force that sticking then demands of the
+    foot that carries is the planned one up to what roll, pitch and yaw add, and a foot in the air
+    accelerates as the gait asks.
+    """
     joints = {"k_p": (0.0,) * 3, "k_i": (0.0,) * 3, "k_d": (0.0,) * 3}
     gait = hp.make_gait(robot)
     controller = hp.make_controller(
-        "governed", gait, mu=0.8, governor="none", legs="feedforward", feedforward=SOFT, joints=joints
+        "governed",
+        gait,
+        mu=0.8,
+        governor="none",
+        legs="feedforward",
+        feedforward=SOFT,
+        joints=joints,
     )
     state = half_a_second()
     command = controller.step(state)
     target = controller.target
     assert list(target.stance) == [1.0, 0.0]
-    # Independent of the kernel: M a + n = S τ + Jᵀ f + J_tᵀ u of the joints, with Dynamics' own terms.
+    # Independent of the kernel: M a + n = S τ + Jᵀ f + J_tᵀ u of the joints, with Dynamics' own
+    # terms.
     d = Dynamics(robot)
     d.update(state.q, state.v)
-    force = robot.mass * (target.body[6:9] + np.array([0.0, 0.0, 9.81])) - command.thrust.sum(axis=0)
+    force = robot.mass * (target.body[6:9] + np.array([0.0, 0.0, 9.81])) - command.thrust.sum(
+        axis=0
+    )
     acceleration = np.zeros(12)
     acceleration[:3] = d.rotation.T @ target.body[6:9]
     for k in range(2):
@@ -69,8 +85,11 @@ def test_gains_follow_the_phase(robot):
                 moved.foot_force[:] = 0.0
             torques.append(controller.step(moved).torque.copy())
         stiffness.append((torques[1] - torques[0]) / 2e-6)
-    # The feedforward changes too with the posture; the difference between the phases is that of the gains.
-    assert stiffness[0][:3] - stiffness[1][:3] == pytest.approx(np.subtract(gains.stance_p, gains.swing_p), abs=1e-2)
+    # The feedforward changes too with the posture; the difference between the phases is that of the
+    # gains.
+    assert stiffness[0][:3] - stiffness[1][:3] == pytest.approx(
+        np.subtract(gains.stance_p, gains.swing_p), abs=1e-2
+    )
     assert stiffness[0][3:] == pytest.approx(stiffness[1][3:], abs=1e-2)
 
 
@@ -78,7 +97,10 @@ def test_gains_follow_the_phase(robot):
 def test_it_walks_where_the_pid_falls(delay):
     """On ground that its gains were not chosen on."""
     how = {"mu_s": 0.8, "delay": delay, "duration": 3.0}
-    run = walked(controller=hp.Governed(governor="none", limits=True, parameters={"legs": "feedforward"}), **how)
+    run = walked(
+        controller=hp.Governed(governor="none", limits=True, parameters={"legs": "feedforward"}),
+        **how,
+    )
     assert run.ending == "completed"
     assert not hp.measure(run).stumbled
     assert np.abs(run["torque"]).max() <= 8.5

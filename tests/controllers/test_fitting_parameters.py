@@ -1,4 +1,6 @@
-"""Settings where a gait brings none: they fit the robot by its mass and legs, and none of them is Harpy's."""
+"""Settings where a gait brings none: they fit the robot by its mass and legs, and none of them is
+Harpy's.
+"""
 
 from __future__ import annotations
 
@@ -49,14 +51,18 @@ def test_a_gait_of_three_members_stands_and_sways(name: str, controller: str) ->
     robot = hp.load_robot(name)
     if name == "solo8" and controller == "condensed":
         pytest.skip("its limbs have two joints")
-    for kind in ("stand", "sway") if robot.flat_feet or name == "solo8" else ("stand", "sway", "trot"):
+    for kind in (
+        ("stand", "sway") if robot.flat_feet or name == "solo8" else ("stand", "sway", "trot")
+    ):
         run = walk(OwnGait(robot, kind), controller)
         assert stood(run), kind
         assert (run["foot_position"][..., 2].max() > 0.04 * run["q"][0, 2]) == (kind == "trot")
 
 
 @needs_robots
-@pytest.mark.parametrize("name", long_but((name for name in LEGGED if name != "solo8"), ("bolt", *QUICK)))
+@pytest.mark.parametrize(
+    "name", long_but((name for name in LEGGED if name != "solo8"), ("bolt", *QUICK))
+)
 @pytest.mark.parametrize("controller", ["condensed", "wbc"])
 def test_a_walk_of_ones_own_walks(name: str, controller: str) -> None:
     """Steps that balance, as those of this library, but without what it says of settings."""
@@ -77,10 +83,16 @@ def test_a_robot_of_another_size_stands_and_trots(mass: float, length: float) ->
 
 
 @needs_robots
-@given(mass=st.floats(0.05, 50.0), length=st.floats(0.1, 5.0), name=st.sampled_from(("go2", "bolt", "g1")))
+@given(
+    mass=st.floats(0.05, 50.0),
+    length=st.floats(0.1, 5.0),
+    name=st.sampled_from(("go2", "bolt", "g1")),
+)
 @settings(max_examples=20)
 def test_settings_scale_with_mass_and_legs(mass: float, length: float, name: str) -> None:
-    """Forces in weights, weights on squared forces in one over the squared weight, on squared turning in length²."""
+    """Forces in weights, weights on squared forces in one over the squared weight, on squared
+    turning in length².
+    """
     robot = hp.load_robot(name)
     large = scaled(robot, mass=mass, length=length)
     assert leg_length(large) == pytest.approx(length * leg_length(robot))
@@ -89,10 +101,14 @@ def test_settings_scale_with_mass_and_legs(mass: float, length: float, name: str
         assert getattr(other, force) == pytest.approx(mass * getattr(own, force))
     assert other.min_normal_force * len(robot.feet) < 0.11 * 9.81 * large.mass
     assert other.max_normal_force * robot.corners[0] > 1.9 * 9.81 * large.mass
-    assert other.contact_threshold <= min(1.0, 0.2 * 9.81 * large.mass / len(robot.feet) * (1.0 + 1e-9))
+    assert other.contact_threshold <= min(
+        1.0, 0.2 * 9.81 * large.mass / len(robot.feet) * (1.0 + 1e-9)
+    )
     assert other.weights.force == pytest.approx(own.weights.force / mass**2)
     for weight in ("orientation", "arms", "posture"):
-        assert getattr(other.weights, weight) == pytest.approx(length**2 * getattr(own.weights, weight))
+        assert getattr(other.weights, weight) == pytest.approx(
+            length**2 * getattr(own.weights, weight)
+        )
     for k_p, k_d in (other.body, other.orientation, other.swing):
         assert k_d == pytest.approx(2.0 * np.sqrt(k_p))  # critically damped
         assert k_d < 1000.0  # and stable over a tick of 1 ms
@@ -112,13 +128,23 @@ def test_what_is_given_comes_before_the_gaits_and_the_gaits_before_the_robots() 
     gait = Wrapped(hp.gaits.make_commanded_gait(ROBOT))
     gait.controller_parameters = {"body": [36.0, 12.0], "weights": {"swing": 3.0, "thrust": 1e-3}}
     rule = fitting_parameters(ROBOT)
-    p = WholeBodyParameters.for_gait(gait, hold_ticks=3, weights={"swing": 2.0}, limits={"mu": 0.7}, solver=None)
+    p = WholeBodyParameters.for_gait(
+        gait, hold_ticks=3, weights={"swing": 2.0}, limits={"mu": 0.7}, solver=None
+    )
     assert (p.body, p.hold_ticks, p.limits.mu, p.solver) == ((36.0, 12.0), 3, 0.7, "proxqp")
-    assert (p.weights.swing, p.weights.thrust, p.weights.force) == (2.0, 1e-3, rule["weights"]["force"])
+    assert (p.weights.swing, p.weights.thrust, p.weights.force) == (
+        2.0,
+        1e-3,
+        rule["weights"]["force"],
+    )
     assert (p.orientation, p.limits.friction_share) == (rule["orientation"], 0.75)
     made = hp.make_controller("wbc", gait, mu=0.7, hold_ticks=3, weights={"swing": 2.0})
     assert made.parameters == p
-    for bad, message in (({"gain": 1.0}, "gain"), ({"body": (NAN, 1.0)}, "body"), ({"weights": 3.0}, "mapping")):
+    for bad, message in (
+        ({"gain": 1.0}, "gain"),
+        ({"body": (NAN, 1.0)}, "body"),
+        ({"weights": 3.0}, "mapping"),
+    ):
         with pytest.raises(InputError, match=message):
             WholeBodyParameters.for_gait(gait, **bad)
     with pytest.raises(InputError, match="a gait needs"):
@@ -143,12 +169,28 @@ def test_harpys_settings_are_its_gaits() -> None:
     p = WholeBodyParameters.for_gait(hp.make_gait(ROBOT))
     assert (p.body, p.orientation, p.swing) == ((100.0, 40.0), (210.0, 21.0), (850.0, 85.0))
     assert (p.contact_damping, p.min_normal_force, p.max_normal_force) == (100.0, 11.0, 200.0)
-    assert (p.limits.friction_share, p.estimate_friction, p.formulation) == (0.4, True, "input_space")
-    published = {"orientation": 0.25, "swing": 12.0, "posture": 1e-6, "arms": 1.0, "thrust": 3.5e-4, "force": 1.9e-5}
+    assert (p.limits.friction_share, p.estimate_friction, p.formulation) == (
+        0.4,
+        True,
+        "input_space",
+    )
+    published = {
+        "orientation": 0.25,
+        "swing": 12.0,
+        "posture": 1e-6,
+        "arms": 1.0,
+        "thrust": 3.5e-4,
+        "force": 1.9e-5,
+    }
     assert p.weights == WholeBodyWeights(**published)
     assert WholeBodyParameters.for_gait(hp.gaits.make_commanded_gait(ROBOT)) == p
-    large = WholeBodyParameters.for_gait(hp.make_gait(scaled(ROBOT, mass=10.0, length=1.0), stiffness=80_000.0))
-    assert (large.min_normal_force, large.max_normal_force) == (pytest.approx(110.0), pytest.approx(2000.0))
+    large = WholeBodyParameters.for_gait(
+        hp.make_gait(scaled(ROBOT, mass=10.0, length=1.0), stiffness=80_000.0)
+    )
+    assert (large.min_normal_force, large.max_normal_force) == (
+        pytest.approx(110.0),
+        pytest.approx(2000.0),
+    )
     assert large.weights.force == pytest.approx(1.9e-7)
 
 
@@ -167,7 +209,10 @@ def test_a_filter_knows_forces_in_weights_and_torques_by_the_legs() -> None:
     for force in ("margin", "min_normal_force", "contact_threshold", "thrust_authority"):
         assert getattr(large, force) == pytest.approx(10.0 * getattr(own, force))
     assert large.torque_authority == pytest.approx(20.0 * own.torque_authority)
-    assert (large.thrust, large.torque) == (pytest.approx(1e-2 * own.thrust), pytest.approx(own.torque / 400.0))
+    assert (large.thrust, large.torque) == (
+        pytest.approx(1e-2 * own.thrust),
+        pytest.approx(own.torque / 400.0),
+    )
     np.testing.assert_allclose(large.angular, 4.0 * np.array(own.angular))
 
 
@@ -175,7 +220,9 @@ def test_a_filter_knows_forces_in_weights_and_torques_by_the_legs() -> None:
 def test_the_papers_controller_refuses_other_robots() -> None:
     for name in ("go2", "bolt", "g1"):
         with pytest.raises(hp.HarpyError, match=name if name != "bolt" else "FL_FOOT"):
-            hp.make_controller("governed", hp.WalkingGait(hp.load_robot(name)), mu=0.5, governor="none")
+            hp.make_controller(
+                "governed", hp.WalkingGait(hp.load_robot(name)), mu=0.5, governor="none"
+            )
 
 
 @needs_robots
@@ -183,4 +230,7 @@ def test_the_papers_governor_refuses_robots_lighter_than_its_force() -> None:
     bolt = hp.load_robot("bolt")
     with pytest.raises(InputError, match="20 N, is more than 'bolt' weighs"):
         hp.controllers.make_governor("paper", bolt, mu=0.5)
-    assert hp.controllers.make_governor("paper", bolt, mu=0.5, parameters={"min_normal_force": 6.0}) is not None
+    assert (
+        hp.controllers.make_governor("paper", bolt, mu=0.5, parameters={"min_normal_force": 6.0})
+        is not None
+    )

@@ -1,4 +1,6 @@
-"""The estimate of the friction coefficient: its bounds, what slides and sticks teach it, and who follows it."""
+"""The estimate of the friction coefficient: its bounds, what slides and sticks teach it, and who
+follows it.
+"""
 
 from functools import partial
 
@@ -12,9 +14,22 @@ from whole_body_oracle import wild_case
 
 import harpy_pin as hp
 from harpy_pin import InputError
-from harpy_pin.controllers import GovernedController, GovernedParameters, WholeBodyController, WholeBodyParameters
+from harpy_pin.controllers import (
+    GovernedController,
+    GovernedParameters,
+    WholeBodyController,
+    WholeBodyParameters,
+)
 from harpy_pin.controllers.condensed import CondensedController
-from harpy_pin.controllers.friction import FILTER_TIME, LEAST_ESTIMATE, LEAST_LOAD, MARGIN, MEMORY, RECOVERY, SLIP_SPEED
+from harpy_pin.controllers.friction import (
+    FILTER_TIME,
+    LEAST_ESTIMATE,
+    LEAST_LOAD,
+    MARGIN,
+    MEMORY,
+    RECOVERY,
+    SLIP_SPEED,
+)
 from harpy_pin.controllers.governed import FrictionEstimator
 from harpy_pin.model.dynamics import Dynamics
 from harpy_pin.wbc import FORMULATIONS, WholeBodyLimits, make_problem
@@ -23,13 +38,18 @@ from harpy_pin.wbc.condensed import CondensedSolver
 HELD = np.ones(2)
 number = st.floats(-1e3, 1e3) | st.sampled_from((0.0, np.nan, np.inf, -np.inf, 1e300))
 samples = st.lists(
-    st.tuples(*[st.lists(number, min_size=6, max_size=6)] * 2, st.tuples(*[st.booleans()] * 2)), max_size=60
+    st.tuples(*[st.lists(number, min_size=6, max_size=6)] * 2, st.tuples(*[st.booleans()] * 2)),
+    max_size=60,
 )
 
 
 def feed(estimator, force, velocity, times=1, held=HELD):
     for _ in range(times):
-        estimator.update(np.array(force, dtype=float), np.array(velocity, dtype=float), np.array(held, dtype=float))
+        estimator.update(
+            np.array(force, dtype=float),
+            np.array(velocity, dtype=float),
+            np.array(held, dtype=float),
+        )
     return estimator.estimate.copy()
 
 
@@ -41,7 +61,9 @@ def both(*vector):
 def test_it_is_within_its_bounds_whatever_is_measured(sequence, assumed):
     estimator, lowest = FrictionEstimator(assumed=assumed), LEAST_ESTIMATE
     for force, velocity, held in sequence:
-        estimate = feed(estimator, np.reshape(force, (2, 3)), np.reshape(velocity, (2, 3)), held=held)
+        estimate = feed(
+            estimator, np.reshape(force, (2, 3)), np.reshape(velocity, (2, 3)), held=held
+        )
         assert np.all(estimate >= min(lowest, assumed))
         assert np.all(estimate <= assumed)
         assert min(lowest, assumed) <= estimator.least[0] <= assumed
@@ -52,7 +74,11 @@ def test_a_bad_sample_of_a_foot_leaves_that_foot_as_it_was(sequence, foot, entry
     estimator = FrictionEstimator(assumed=0.8)
     for force, velocity, held in sequence:
         feed(estimator, np.reshape(force, (2, 3)), np.reshape(velocity, (2, 3)), held=held)
-    names = [name for name in estimator.record.dtype.names if estimator.record.dtype[name].shape[:1] == (2,)]
+    names = [
+        name
+        for name in estimator.record.dtype.names
+        if estimator.record.dtype[name].shape[:1] == (2,)
+    ]
     before = {name: estimator.record[name][0, foot].copy() for name in names}
     force, velocity = both(3.0, 0.0, 30.0), both(0.2, 0.0, 0.0)
     (force[foot] if entry < 3 else velocity[foot])[entry if entry < 3 else entry - 3] = bad
@@ -69,9 +95,15 @@ def test_what_sticks_never_lowers_it(seed):
     estimator.estimate[:] = before = rng.uniform(0.1, 0.8, 2)
     for _ in range(200):
         angle, speed = rng.uniform(0.0, 2.0 * np.pi, 2), rng.uniform(0.0, SLIP_SPEED, 2)
-        velocity = np.column_stack((speed * np.cos(angle), speed * np.sin(angle), rng.standard_normal(2)))
-        force = np.column_stack((rng.standard_normal((2, 2)) * 10.0, rng.uniform(LEAST_LOAD + 1e-9, 60.0, 2)))
-        before = before if estimator.record["samples"][0].any() else np.full(2, before.min())  # a foothold begins
+        velocity = np.column_stack(
+            (speed * np.cos(angle), speed * np.sin(angle), rng.standard_normal(2))
+        )
+        force = np.column_stack(
+            (rng.standard_normal((2, 2)) * 10.0, rng.uniform(LEAST_LOAD + 1e-9, 60.0, 2))
+        )
+        before = (
+            before if estimator.record["samples"][0].any() else np.full(2, before.min())
+        )  # a foothold begins
         estimate = feed(estimator, force, velocity)
         assert np.all(estimate >= before)
         before = estimate
@@ -83,7 +115,9 @@ def test_a_slide_gives_its_ratio_less_the_margin(ratio, speed):
     for angle in np.linspace(0.0, 6.0, 7):
         estimator = FrictionEstimator(assumed=0.8)
         along = np.array((np.cos(angle), np.sin(angle), 0.0))
-        estimate = feed(estimator, both(*-20.0 * ratio * along[:2], 20.0), both(*speed * along), times=30)
+        estimate = feed(
+            estimator, both(*-20.0 * ratio * along[:2], 20.0), both(*speed * along), times=30
+        )
         np.testing.assert_allclose(estimate, (1.0 - MARGIN) * ratio, rtol=1e-12)
 
 
@@ -96,7 +130,9 @@ def test_a_slide_is_noticed_within_the_filter_time():
 
 
 def test_a_slide_that_has_ended_does_not_lower_it_with_the_force_of_the_sticking_foot():
-    """The low-passed speed is still above the threshold when the foot sticks, with nearly no force."""
+    """The low-passed speed is still above the threshold when the foot sticks, with nearly no
+    force.
+    """
     estimator = FrictionEstimator(assumed=0.8)
     feed(estimator, both(-6.0, 0.0, 20.0), both(0.3, 0.0, 0.0), times=20)
     estimate = feed(estimator, both(0.1, 0.0, 20.0), both(0.0, 0.0, 0.0), times=20)
@@ -115,7 +151,9 @@ def test_while_it_slides_it_never_rises():
 
 
 def test_what_a_foot_holds_is_proven():
-    """A foot that sticks at a ratio has at least that, less the margin, at once; and no slide of noise undoes it."""
+    """A foot that sticks at a ratio has at least that, less the margin, at once; and no slide of
+    noise undoes it.
+    """
     estimator = FrictionEstimator(assumed=0.8)
     estimator.estimate[:] = 0.1
     estimate = feed(estimator, both(10.0, 0.0, 20.0), both(0.0, 0.0, 0.0), times=10)
@@ -130,7 +168,9 @@ def test_all_of_it_comes_back_under_load():
     feed(estimator, both(-2.0, 0.0, 20.0), both(0.2, 0.0, 0.0), times=20)
     ticks = int(np.ceil((0.8 - LEAST_ESTIMATE) / RECOVERY * 1e3)) + 100
     assert estimator.estimate.max() < 0.1
-    np.testing.assert_array_equal(feed(estimator, both(0.0, 0.0, 20.0), both(0.0, 0.0, 0.0), times=ticks), 0.8)
+    np.testing.assert_array_equal(
+        feed(estimator, both(0.0, 0.0, 20.0), both(0.0, 0.0, 0.0), times=ticks), 0.8
+    )
 
 
 def test_a_foot_that_lands_takes_what_the_other_knows_if_it_is_lower():
@@ -151,10 +191,16 @@ def test_other_arrays_are_refused(velocity):
 
 @pytest.mark.parametrize("name", [*FORMULATIONS, "condensed"])
 def test_a_lower_coefficient_of_the_feet_is_one_of_the_limits(robot, name):
-    """Program (or forces) for μ = 0.8 with 0.2 under the feet are those for μ = 0.2; nothing is left of it after."""
+    """Program (or forces) for μ = 0.8 with 0.2 under the feet are those for μ = 0.2; nothing is
+    left of it after.
+    """
     rng, different = np.random.default_rng(5), 0
     limits = [WholeBodyLimits(mu=mu) for mu in (0.8, 0.2)]
-    kind = partial(CondensedSolver, robot) if name == "condensed" else partial(make_problem, name, robot)
+    kind = (
+        partial(CondensedSolver, robot)
+        if name == "condensed"
+        else partial(make_problem, name, robot)
+    )
     high, low = (kind(limits=one) for one in limits)
 
     def result(one, friction=np.inf):
@@ -183,7 +229,9 @@ def test_a_controller_keeps_the_cones_of_its_estimate_at_every_tick(robot, kind)
     """Whatever is measured, tick after tick."""
     rng = np.random.default_rng(3)
     gait = hp.make_gait(robot)
-    parameters = WholeBodyParameters.for_gait(gait, estimate_friction=True, solver="active_set", limits={"mu": 0.8})
+    parameters = WholeBodyParameters.for_gait(
+        gait, estimate_friction=True, solver="active_set", limits={"mu": 0.8}
+    )
     controller = kind(gait, parameters)
     lowest = 1.0
     for _ in range(300):
@@ -192,8 +240,13 @@ def test_a_controller_keeps_the_cones_of_its_estimate_at_every_tick(robot, kind)
         if kind is WholeBodyController and not controller.solution.usable:
             continue
         force = controller.telemetry()["desired_force"]
-        allowed, within = 0.75 * estimate * force[:, 2], 1e-9 if kind is CondensedController else 1e-5
-        assert np.all(np.hypot(force[:, 0], force[:, 1]) <= allowed + within * (1.0 + np.abs(force).max()))
+        allowed, within = (
+            0.75 * estimate * force[:, 2],
+            1e-9 if kind is CondensedController else 1e-5,
+        )
+        assert np.all(
+            np.hypot(force[:, 0], force[:, 1]) <= allowed + within * (1.0 + np.abs(force).max())
+        )
         lowest = min(lowest, estimate.min())
     assert lowest < 0.4
     controller.reset()
@@ -202,11 +255,22 @@ def test_a_controller_keeps_the_cones_of_its_estimate_at_every_tick(robot, kind)
 
 @pytest.mark.parametrize(("controller", "plant"), [("condensed", "mujoco"), ("wbc", "compliant")])
 def test_it_holds_the_feet_on_ice(controller, plant):
-    """A strip of 0.15 on ground of 0.8: without the estimate feet slide by decimetres, with it by millimetres."""
+    """A strip of 0.15 on ground of 0.8: without the estimate feet slide by decimetres, with it by
+    millimetres.
+    """
     slip = {}
     for estimate in (False, True):
-        part = {"name": controller, "parameters": {"estimate_friction": estimate, **own_search(controller)}}
-        run = walked(controller=part, plant=plant, mu_s=0.8, friction_strips=((0.3, 0.7, 0.15),), duration=3.0)
+        part = {
+            "name": controller,
+            "parameters": {"estimate_friction": estimate, **own_search(controller)},
+        }
+        run = walked(
+            controller=part,
+            plant=plant,
+            mu_s=0.8,
+            friction_strips=((0.3, 0.7, 0.15),),
+            duration=3.0,
+        )
         assert run.ending == "completed"
         slip[estimate] = 1e3 * run["slip_path"][-1].sum()
         assert ("friction_estimate" in run) is estimate
@@ -216,7 +280,9 @@ def test_it_holds_the_feet_on_ice(controller, plant):
 
 @pytest.mark.parametrize("mu", [0.15, 0.3, 0.8])
 def test_noise_does_not_lower_it_for_long(mu):
-    """On the ground that is assumed, with noise and 2 ms of delay, the estimate is on average nearly all of it."""
+    """On the ground that is assumed, with noise and 2 ms of delay, the estimate is on average
+    nearly all of it.
+    """
     part = hp.Condensed(parameters={"estimate_friction": True})
     run = walked(controller=part, mu_s=mu, noise=hp.Noise.typical(), delay=2e-3, duration=3.0)
     assert run.ending == "completed"
@@ -234,7 +300,9 @@ def test_governors_take_it(governor):
     assert run["friction_estimate"].min() < 0.3
     assert controller.friction is not None
     if governor == "filter":
-        np.testing.assert_array_equal(controller.force_filter.friction, controller.friction.estimate)
+        np.testing.assert_array_equal(
+            controller.force_filter.friction, controller.friction.estimate
+        )
     else:
         np.testing.assert_array_equal(controller.governor.rows.friction, controller.friction.least)
     controller.reset()

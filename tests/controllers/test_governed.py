@@ -4,7 +4,12 @@ import pytest
 from walks import OWN_SEARCH, started, states_of, walked
 
 import harpy_pin as hp
-from harpy_pin.controllers import GovernedController, JointGains, WholeBodyController, WholeBodyParameters
+from harpy_pin.controllers import (
+    GovernedController,
+    JointGains,
+    WholeBodyController,
+    WholeBodyParameters,
+)
 from harpy_pin.wbc import QPStatus
 
 
@@ -40,7 +45,9 @@ def test_walks_and_stands(robot, name, options, speed):
 def test_the_qps_step_is_the_chain_of_its_phases(robot, solver, within):
     """The phases called apart give the same commands as step, on the same states."""
     run = walked(controller=hp.WholeBody(parameters={"solver": solver}), mu_s=0.8, duration=0.3)
-    whole, apart = (hp.make_controller("wbc", hp.make_gait(robot), mu=0.8, solver=solver) for _ in range(2))
+    whole, apart = (
+        hp.make_controller("wbc", hp.make_gait(robot), mu=0.8, solver=solver) for _ in range(2)
+    )
     for i, state in enumerate(states_of(run)):
         command = whole.step(state)
         np.testing.assert_allclose(command.torque, run["torque"][i], atol=within)
@@ -48,7 +55,8 @@ def test_the_qps_step_is_the_chain_of_its_phases(robot, solver, within):
         apart.build(state)
         apart.solve()
         again = apart.finish(state)
-        # ProxQP's vectorised sums depend on where its memory lies: equal to rounding, not to the bit.
+        # ProxQP's vectorised sums depend on where its memory lies: equal to rounding, not to the
+        # bit.
         np.testing.assert_allclose(again.torque, command.torque, atol=within)
         np.testing.assert_allclose(again.thrust, command.thrust, atol=within)
 
@@ -58,7 +66,10 @@ def test_governed_tick_against_its_formulas(robot):
     gait = hp.make_gait(robot)
     rng = np.random.default_rng(1)
     q, v = gait.initial_state()
-    q, v = pin.integrate(robot.model, q, 0.02 * rng.standard_normal(12)), v + 0.1 * rng.standard_normal(12)
+    q, v = (
+        pin.integrate(robot.model, q, 0.02 * rng.standard_normal(12)),
+        v + 0.1 * rng.standard_normal(12),
+    )
     dynamics = hp.Dynamics(robot)
     dynamics.update(q, v)
     force = np.array([[0.0, 0.0, 25.0], [1.0, 2.0, 15.0]])
@@ -91,7 +102,9 @@ def test_governed_tick_against_its_formulas(robot):
     np.testing.assert_allclose(command.torque, torque, atol=1e-4)
     # Centre of pressure: mean of the feet, weighted by their normal forces.
     centre_of_pressure = (25.0 * state.foot_position[0] + 15.0 * state.foot_position[1]) / 40.0
-    np.testing.assert_allclose(controller.telemetry()["centre_of_pressure"], centre_of_pressure, atol=1e-12)
+    np.testing.assert_allclose(
+        controller.telemetry()["centre_of_pressure"], centre_of_pressure, atol=1e-12
+    )
 
 
 def test_centre_of_pressure_is_held_in_flight(robot):
@@ -99,7 +112,9 @@ def test_centre_of_pressure_is_held_in_flight(robot):
     controller = GovernedController(gait)
     q, v = gait.initial_state()
     feet = np.array([[0.1, 0.1, 0.0], [-0.1, -0.1, 0.0]])
-    state = hp.State(0.0, q, v, feet, np.zeros((2, 3)), np.array([[0.0, 0.0, 30.0], [0.0, 0.0, 10.0]]))
+    state = hp.State(
+        0.0, q, v, feet, np.zeros((2, 3)), np.array([[0.0, 0.0, 30.0], [0.0, 0.0, 10.0]])
+    )
     controller.step(state)
     before = np.array(controller.telemetry()["centre_of_pressure"])
     state.foot_force[:] = 0.0
@@ -109,7 +124,9 @@ def test_centre_of_pressure_is_held_in_flight(robot):
 
 
 def test_target_out_of_reach_is_reported(robot):
-    """A body far from its target would need longer legs: the distance is logged, nothing is not a number."""
+    """A body far from its target would need longer legs: the distance is logged, nothing is not a
+    number.
+    """
     gait = hp.make_gait(robot)
     controller = GovernedController(gait)
     q, v = gait.initial_state()
@@ -117,7 +134,14 @@ def test_target_out_of_reach_is_reported(robot):
     dynamics = hp.Dynamics(robot)
     dynamics.update(q, v)
     command = controller.step(
-        hp.State(0.7, q, v, dynamics.foot_position.copy(), dynamics.foot_velocity.copy(), np.zeros((2, 3)))
+        hp.State(
+            0.7,
+            q,
+            v,
+            dynamics.foot_position.copy(),
+            dynamics.foot_velocity.copy(),
+            np.zeros((2, 3)),
+        )
     )
     assert np.isfinite(command.torque).all()
     assert np.max(controller.telemetry()["out_of_reach"]) > 0.5
@@ -125,9 +149,13 @@ def test_target_out_of_reach_is_reported(robot):
 
 @pytest.mark.parametrize("solver", ["active_set", "proxqp"])
 def test_failed_solves_fall_back_as_stated(robot, solver):
-    """The last good command is held, then the joints go soft without thrust; the failures are counted."""
+    """The last good command is held, then the joints go soft without thrust; the failures are
+    counted.
+    """
     gait = hp.make_gait(robot, speed=0.0)
-    controller = WholeBodyController(gait, WholeBodyParameters.for_gait(gait, hold_ticks=3, solver=solver))
+    controller = WholeBodyController(
+        gait, WholeBodyParameters.for_gait(gait, hold_ticks=3, solver=solver)
+    )
     simulator = started(hp.Simulator(robot, hp.Ground(mu_s=0.8)), gait)
     for _ in range(5):
         command = controller.step(simulator.state)

@@ -25,7 +25,8 @@ def rows_of(rows: ForceRows, rng: np.random.Generator) -> np.ndarray:
 def test_a_share_of_the_friction_is_a_smaller_coefficient(at: Any) -> None:
     for seed in range(20):
         shared, scaled = (
-            ForceRows(mass=4.0, mu=mu, friction_share=share, evaluate_at=at) for mu, share in ((0.4, 0.75), (0.3, 1.0))
+            ForceRows(mass=4.0, mu=mu, friction_share=share, evaluate_at=at)
+            for mu, share in ((0.4, 0.75), (0.3, 1.0))
         )
         one, other = (rows_of(rows, np.random.default_rng(seed)) for rows in (shared, scaled))
         np.testing.assert_allclose(one, other, rtol=1e-12, atol=1e-12)
@@ -33,11 +34,17 @@ def test_a_share_of_the_friction_is_a_smaller_coefficient(at: Any) -> None:
 
 
 def test_an_estimate_of_the_friction_is_shared_too() -> None:
-    """With a share of a half, the rows use half of what is estimated; the estimate begins at what is assumed."""
+    """With a share of a half, the rows use half of what is estimated; the estimate begins at what
+    is assumed.
+    """
     part = hp.Governed(
-        evaluate_at="tracked", parameters={"estimate_friction": True}, governor_parameters={"friction_share": 0.5}
+        evaluate_at="tracked",
+        parameters={"estimate_friction": True},
+        governor_parameters={"friction_share": 0.5},
     )
-    controller = hp.build(hp.Scenario(controller=part, ground=hp.Ground(mu_s=0.4), duration=0.3)).controller
+    controller = hp.build(
+        hp.Scenario(controller=part, ground=hp.Ground(mu_s=0.4), duration=0.3)
+    ).controller
     assert isinstance(controller, hp.controllers.GovernedController)
     assert controller.friction is not None
     gait = controller.gait
@@ -68,6 +75,8 @@ def test_settings_reach_the_governor_and_change_the_walk() -> None:
 
 def test_parameters_by_name() -> None:
     assert make_governor_parameters("paper", mu=0.3) == PaperGovernorParameters()
-    made = make_governor_parameters("filter", mu=0.3, changes={"lag": 0.004, "linear": [0.1, 1, 0.1]})
+    made = make_governor_parameters(
+        "filter", mu=0.3, changes={"lag": 0.004, "linear": [0.1, 1, 0.1]}
+    )
     assert made == ContactForceFilterParameters(mu=0.3, lag=0.004, linear=(0.1, 1, 0.1))
     assert make_governor_parameters("none", mu=0.3) is None

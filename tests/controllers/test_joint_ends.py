@@ -54,10 +54,16 @@ def test_far_from_their_ends_joints_are_free():
     tasks, targets = controller._record_["tasks"], controller._record_["targets"]
     ends = tasks["ends"][0]
     free = np.isfinite(ends[0])
-    on_limbs = [j for j, name in enumerate(controller.robot.joints) if any(w in name for w in ("hip", "knee", "ankle"))]
+    on_limbs = [
+        j
+        for j, name in enumerate(controller.robot.joints)
+        if any(w in name for w in ("hip", "knee", "ankle"))
+    ]
     assert free.sum() == len(free) - len(on_limbs)
     assert not free[on_limbs].any()
-    for j, speed in enumerate(0.9 * NEAR * np.sqrt(2.0 * BRAKE * np.maximum(ends[1] - tasks["rest"][0] - MARGIN, 0.0))):
+    for j, speed in enumerate(
+        0.9 * NEAR * np.sqrt(2.0 * BRAKE * np.maximum(ends[1] - tasks["rest"][0] - MARGIN, 0.0))
+    ):
         targets["joints"][0, j] = 3.0
         _stay_in_range(tasks, targets, j, tasks["rest"][0, j], min(speed, 1e3))
         assert targets["joints"][0, j] == 3.0
@@ -65,9 +71,13 @@ def test_far_from_their_ends_joints_are_free():
 
 
 @needs_robots
-@pytest.mark.parametrize(("kind", "side"), long_but(product(("condensed", "wbc"), (1.0, -1.0)), (("condensed", -1.0),)))
+@pytest.mark.parametrize(
+    ("kind", "side"), long_but(product(("condensed", "wbc"), (1.0, -1.0)), (("condensed", -1.0),))
+)
 def test_pushed_forward_and_aside_the_torso_stays_in_its_range(kind, side):
-    """It would come to its ends, 0.1 rad into what stops it in MuJoCo, and fall when pushed to the right."""
+    """It would come to its ends, 0.1 rad into what stops it in MuJoCo, and fall when pushed to the
+    right.
+    """
     robot = hp.load_robot("icub")
     push = hp.Push(2.1, (0.28 * robot.mass, side * 0.28 * robot.mass, 0.0))
     gait = hp.Walking(schedule="step")
@@ -82,5 +92,7 @@ def test_pushed_forward_and_aside_the_torso_stays_in_its_range(kind, side):
     )
     assert run.ending == "completed"
     torso = [j for j, name in enumerate(robot.joints) if "torso" in name]
-    beyond = np.maximum(robot.joint_lower - run["q"][:, 7:], run["q"][:, 7:] - robot.joint_upper)[:, torso]
+    beyond = np.maximum(robot.joint_lower - run["q"][:, 7:], run["q"][:, 7:] - robot.joint_upper)[
+        :, torso
+    ]
     assert beyond.max() < 0.01

@@ -1,4 +1,6 @@
-"""No controller compiles or loads a kernel after its first tick: a motor at its limit must not wait for a compiler."""
+"""No controller compiles or loads a kernel after its first tick: a motor at its limit must not wait
+for a compiler.
+"""
 
 from __future__ import annotations
 
@@ -41,13 +43,23 @@ for name, (kind, options) in json.loads(sys.argv[2]).items():
     if os.wait()[1] != 0:
         sys.exit(name)
 """
-"""Runs the script for each of the cases, in a process of its own that begins with what the script imports."""
+"""Runs the script for each of the cases, in a process of its own that begins with what the script
+imports.
+"""
 
 
 @needs_compiler
 def test_nothing_is_compiled_after_the_first_tick() -> None:
-    command = [sys.executable, "-c", EACH, str(TESTS / "support" / "late_kernels.py"), json.dumps(CASES)]
+    command = [
+        sys.executable,
+        "-c",
+        EACH,
+        str(TESTS / "support" / "late_kernels.py"),
+        json.dumps(CASES),
+    ]
     paths = os.pathsep.join([str(TESTS / "support"), *sys.path])
-    done = subprocess.run(command, capture_output=True, text=True, env={**os.environ, "PYTHONPATH": paths})
+    done = subprocess.run(
+        command, capture_output=True, text=True, env={**os.environ, "PYTHONPATH": paths}
+    )
     assert done.returncode == 0, done.stderr
     assert done.stdout.splitlines() == [f"{name}: []" for name in CASES]

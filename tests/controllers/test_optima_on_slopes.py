@@ -1,5 +1,6 @@
-"""Random states on random normals, thousands at a time: the condensed controller gives the optimum, and keeps forces in
-their cones about the normals."""
+"""Random states on random normals, thousands at a time: the condensed controller gives the optimum,
+and keeps forces in their cones about the normals.
+"""
 
 from __future__ import annotations
 
@@ -22,7 +23,9 @@ DAQP = 2e-6
 
 
 def answers(controller: CondensedController, rng: np.random.Generator):
-    """Programs, answers [a; f; u] and their status, of random states with one or two feet on the ground."""
+    """Programs, answers [a; f; u] and their status, of random states with one or two feet on the
+    ground.
+    """
     groups: dict[int, list] = {1: [], 2: []}
     for _ in range(BATCH):
         _, command, case = sloped_case(controller, rng)
@@ -33,21 +36,28 @@ def answers(controller: CondensedController, rng: np.random.Generator):
 
 
 def test_condensed_is_the_optimum_on_any_normals(fuzz):
-    """KKT conditions of a program of the test's own; where an answer's active set has none, DAQP says what there is.
+    """KKT conditions of a program of the test's own; where an answer's active set has none, DAQP
+    says what there is.
 
     ``--fuzz 1000`` looks at a million states.
     """
     rng = np.random.default_rng(31)
-    controller = CondensedController(GivenTargets(), parameters(WholeBodyLimits(mu=MU, give_way=1.0)))
+    controller = CondensedController(
+        GivenTargets(), parameters(WholeBodyLimits(mu=MU, give_way=1.0))
+    )
     seen: Counter[str] = Counter()
     worst = promise = 0.0
     for _ in range(1000 * fuzz // BATCH):
         for group in answers(controller, rng):
             programs = Programs.of([case for case, _, _ in group])
             given = np.array([z for _, z, _ in group])
-            clipped = np.array([bool(status & CondensedStatus.TORQUE_CLIPPED) for _, _, status in group])
+            clipped = np.array(
+                [bool(status & CondensedStatus.TORQUE_CLIPPED) for _, _, status in group]
+            )
             size = 1.0 + np.abs(given).max(axis=1, keepdims=True)
-            feet = programs.inequality.shape[1] - 24  # rows of the pyramids; the others are limits of the inputs
+            feet = (
+                programs.inequality.shape[1] - 24
+            )  # rows of the pyramids; the others are limits of the inputs
             off = np.abs(times(programs.equality, given) - programs.value) / size
             over = (times(programs.inequality, given) - programs.upper)[:, :feet] / size
             promise = max(promise, off[~clipped].max(), over[~clipped].max())

@@ -1,4 +1,6 @@
-"""Controllers that know that thrusts lag: the thrusts they count on, the forces that follow, law and QP."""
+"""Controllers that know that thrusts lag: the thrusts they count on, the forces that follow, law
+and QP.
+"""
 
 from functools import cache
 
@@ -11,7 +13,12 @@ from walks import started, walked
 import harpy_pin as hp
 from comparison.studies.margins import pd_lag_margin
 from harpy_pin.controllers.parameters import WholeBodyParameters
-from harpy_pin.controllers.thrust_lag import advance_thrusts, command_thrusts, keep_thrusts, thrust_lag_record
+from harpy_pin.controllers.thrust_lag import (
+    advance_thrusts,
+    command_thrusts,
+    keep_thrusts,
+    thrust_lag_record,
+)
 from harpy_pin.model.dynamics import Dynamics
 from harpy_pin.simulation.actuators import Actuators
 
@@ -43,15 +50,23 @@ def test_thrusts_are_those_of_the_plant(turning_lag):
         fixed = np.linalg.norm(controller.solver.inputs[:6].reshape(2, 3), axis=1)
         np.testing.assert_allclose(had, fixed, rtol=2e-3 if turning_lag else 1e-12, atol=1e-9)
         if turning_lag == 0.0:
-            np.testing.assert_allclose(np.mean(means, axis=0), controller.solver.inputs[:6], atol=1e-9)
-    assert np.abs(command.thrust.ravel() - controller.solver.inputs[:6]).max() > 0.1  # the command is another
+            np.testing.assert_allclose(
+                np.mean(means, axis=0), controller.solver.inputs[:6], atol=1e-9
+            )
+    assert (
+        np.abs(command.thrust.ravel() - controller.solver.inputs[:6]).max() > 0.1
+    )  # the command is another
 
 
 @cache
 def slip(plant, lag, turning_lag, known=True):
     fans = Actuators(torque_share=1.0, thrusters={"lag": lag, "turning_lag": turning_lag})
-    part = hp.Condensed(parameters={"thrust_lag": lag, "thrust_turning_lag": turning_lag} if known else {})
-    return hp.measure(walked(controller=part, actuators=fans, plant=plant, mu_s=MU, duration=3.0)).slip_mm_per_step
+    part = hp.Condensed(
+        parameters={"thrust_lag": lag, "thrust_turning_lag": turning_lag} if known else {}
+    )
+    return hp.measure(
+        walked(controller=part, actuators=fans, plant=plant, mu_s=MU, duration=3.0)
+    ).slip_mm_per_step
 
 
 @pytest.mark.parametrize(
@@ -69,9 +84,13 @@ def test_slip_is_within_twice_that_without_lag(plant, lag, turning_lag):
 
 @pytest.mark.parametrize("values", [(3.0, -1.0, 4.0), (0.5, 0.0, 0.2), (0.0, 30.0, 40.0)])
 def test_thrust_follows_the_program_as_if_it_had_a_short_lag(values):
-    """By the exact solution of the lag, where the command has no limit; at a limit as near as it comes."""
+    """By the exact solution of the lag, where the command has no limit; at a limit as near as it
+    comes.
+    """
     period, present = 1e-3, 5.0
-    record = thrust_lag_record(ROBOT, WholeBodyParameters.for_gait(hp.make_gait(ROBOT), thrust_lag=LAG, period=period))
+    record = thrust_lag_record(
+        ROBOT, WholeBodyParameters.for_gait(hp.make_gait(ROBOT), thrust_lag=LAG, period=period)
+    )
     record["level"] = record["goal"] = present
     record["settled"] = 1
     advance_thrusts(record)
@@ -94,11 +113,17 @@ def test_thrust_follows_the_program_as_if_it_had_a_short_lag(values):
     np.testing.assert_allclose(command[1] / goal[1], (1.0, 0.0, 0.0), atol=1e-12)
 
 
-@pytest.mark.parametrize(("formulation", "turning_lag"), [("input_space", 0.0), ("full", 0.0), ("input_space", 0.05)])
+@pytest.mark.parametrize(
+    ("formulation", "turning_lag"), [("input_space", 0.0), ("full", 0.0), ("input_space", 0.05)]
+)
 def test_condensed_is_the_quadratic_program(formulation, turning_lag, fuzz):
     """Commands of both, in states as they come, with thrusts that lag behind their own commands."""
     rng = np.random.default_rng(3)
-    parameters = {"thrust_lag": LAG, "thrust_turning_lag": turning_lag, "weights": {"posture": 1e-10}}
+    parameters = {
+        "thrust_lag": LAG,
+        "thrust_turning_lag": turning_lag,
+        "weights": {"posture": 1e-10},
+    }
     law = hp.make_controller("condensed", GAIT, mu=MU, **parameters)
     program = hp.make_controller(
         "wbc", GAIT, mu=MU, **(parameters | {"formulation": formulation, "solver": "active_set"})
@@ -122,7 +147,10 @@ def test_rotorcraft_needs_to_know(known):
     """With a lag beyond the linear margin it falls, or holds its place where it knows the lag."""
     gait = hp.Hovering(hp.load_robot("iris"), shift=(0.3, 0.0, 0.2), shift_period=6.0)
     lag = 1.05 * pd_lag_margin(*gait.controller_parameters["orientation"], period=1e-3)
-    part, late = hp.Condensed(parameters={"thrust_lag": lag} if known else {}), Actuators(thrusters={"lag": lag})
+    part, late = (
+        hp.Condensed(parameters={"thrust_lag": lag} if known else {}),
+        Actuators(thrusters={"lag": lag}),
+    )
     run = walked(gait, controller=part, actuators=late, duration=6.0)
     assert run.fell != known
     assert not known or np.abs(run["q"][:, :3] - run["x_r"][:, :3]).max() < 0.005

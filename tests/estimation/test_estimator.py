@@ -1,4 +1,6 @@
-"""The estimator on simulated sensors: what it finds out, what it says of bad readings, and walks on it alone."""
+"""The estimator on simulated sensors: what it finds out, what it says of bad readings, and walks on
+it alone.
+"""
 
 import copy
 
@@ -18,14 +20,19 @@ LEVEL = np.eye(3)
 SLOPE = EstimatorSettings(height_noise=np.inf)
 NAMES = ("gyroscope", "accelerometer", "joint_position", "joint_velocity")
 STATES = ("q", "v", "foot_position", "foot_velocity", "foot_force")
-EXACT = {name: 0.0 for name in ("gyroscope_bias", "accelerometer_bias", "encoder_resolution", "torque_error")}
+EXACT = {
+    name: 0.0
+    for name in ("gyroscope_bias", "accelerometer_bias", "encoder_resolution", "torque_error")
+}
 
 
 def still(robot, t=0.0, *, tilt=LEVEL):
     """Readings of a robot at rest, tilted about its feet, without noise."""
     zero = np.zeros(len(robot.joints))
     quiver = np.full(3, 1e-9 * np.sin(1e5 * t))  # a gyroscope that says always the same is stuck
-    return hp.Readings(t, quiver, tilt.T @ STANDING, POSTURE.copy(), zero, zero.copy(), None, np.full(2, 25.0))
+    return hp.Readings(
+        t, quiver, tilt.T @ STANDING, POSTURE.copy(), zero, zero.copy(), None, np.full(2, 25.0)
+    )
 
 
 def rotations(q):
@@ -37,7 +44,10 @@ def errors(run):
     q, guess = run["q"], run["estimated_q"]
     way = np.linalg.norm(np.diff(q[:, :2], axis=0), axis=1).sum()
     true, own = rotations(q), rotations(guess)
-    v = [a @ x[:3] - b @ y[:3] for a, x, b, y in zip(true, run["v"], own, run["estimated_v"], strict=True)]
+    v = [
+        a @ x[:3] - b @ y[:3]
+        for a, x, b, y in zip(true, run["v"], own, run["estimated_v"], strict=True)
+    ]
     tilt = [np.arccos(min(a[2] @ b[2], 1.0)) for a, b in zip(true, own, strict=True)]
     drift = np.linalg.norm((q - guess)[-1, :2] - (q - guess)[0, :2]) / way
     return drift, np.sqrt(np.mean(np.square(v)) * 3.0), np.sqrt(np.mean(np.square(tilt)))
@@ -45,10 +55,17 @@ def errors(run):
 
 @pytest.mark.parametrize(
     ("name", "plant"),
-    [pytest.param("harpy", "mujoco", marks=needs_mujoco), pytest.param("go2", "compliant", marks=needs_robots)],
+    [
+        pytest.param("harpy", "mujoco", marks=needs_mujoco),
+        pytest.param("go2", "compliant", marks=needs_robots),
+    ],
 )
 def test_walk_on_the_estimate(name, plant):
-    run = hp.walk(hp.Scenario(robot=name, plant=plant, state="estimated", ground=hp.Ground(mu_s=0.5), duration=3.0))
+    run = hp.walk(
+        hp.Scenario(
+            robot=name, plant=plant, state="estimated", ground=hp.Ground(mu_s=0.5), duration=3.0
+        )
+    )
     assert run.ending == "completed"
     drift, velocity, tilt = errors(run)
     assert drift < 0.02
@@ -61,8 +78,12 @@ def test_walk_on_the_estimate(name, plant):
 
 
 def test_exact_sensors_know_the_forces():
-    """On the true state the momentum observer's forces are those of the plant, but for its delay."""
-    sensors = hp.Imu(**EXACT, encoder_noise=0.0, velocity_noise=0.0, torque_noise=0.0, accelerometer_density=0.0)
+    """On the true state the momentum observer's forces are those of the plant, but for its
+    delay.
+    """
+    sensors = hp.Imu(
+        **EXACT, encoder_noise=0.0, velocity_noise=0.0, torque_noise=0.0, accelerometer_density=0.0
+    )
     run = hp.walk(hp.Scenario(sensors=sensors, ground=hp.Ground(mu_s=0.5), duration=2.0))
     force, guess = run["foot_force"][500:], run["estimated_force"][500:]
     steady = np.abs(np.gradient(force, axis=0)).max(axis=(1, 2)) < 0.1
@@ -76,23 +97,40 @@ def test_joints_are_learned_in_swings():
     actuators = hp.Actuators(viscous_friction=0.3, coulomb_friction=0.6)
     gait = hp.Walking(velocity=(0.4, 0.0, 0.0))
     disturbances = hp.Disturbances(actuators=actuators)
-    law = hp.Condensed(parameters={"joint_stiffness": 1.0, "joint_damping": 0.3, "contact_damping": 20.0})
+    law = hp.Condensed(
+        parameters={"joint_stiffness": 1.0, "joint_damping": 0.3, "contact_damping": 20.0}
+    )
     how = {"ground": hp.Ground(mu_s=0.6), "controller": law, "duration": 2.0}
-    walk = hp.build(hp.Scenario(robot="go2", gait=gait, sensors=hp.Imu(**EXACT), disturbances=disturbances, **how))
+    walk = hp.build(
+        hp.Scenario(
+            robot="go2", gait=gait, sensors=hp.Imu(**EXACT), disturbances=disturbances, **how
+        )
+    )
     walk.run()
-    found = walk.sensors.estimator.record["contact"]["joint"][0].reshape(4, 3, 3)[:, 1:]  # thighs and calves
+    found = walk.sensors.estimator.record["contact"]["joint"][0].reshape(4, 3, 3)[
+        :, 1:
+    ]  # thighs and calves
     np.testing.assert_allclose(np.median(found[..., 1]), 0.3, atol=0.15)
     np.testing.assert_allclose(np.median(found[..., 2]), 0.6, atol=0.2)
 
 
 @pytest.mark.parametrize(
     ("phase", "speed", "height", "lands"),
-    [(0.5, 0.0, 0.0, True), (0.5, 0.5, 0.0, False), (0.2, 0.0, 0.0, False), (0.5, 0.0, -0.05, False)],
+    [
+        (0.5, 0.0, 0.0, True),
+        (0.5, 0.5, 0.0, False),
+        (0.2, 0.0, 0.0, False),
+        (0.5, 0.0, -0.05, False),
+    ],
 )
 def test_a_foot_at_rest_late_in_its_swing_has_landed(robot, phase, speed, height, lands):
     """Though it pushes nothing: where the ground is, and after half of the swing."""
     estimator, target = hp.Estimator(robot), GaitTarget()
-    target.stance[0], target.phase[0], target.ground_height[0] = 0.0, phase, 0.003 + height  # that of this foot
+    target.stance[0], target.phase[0], target.ground_height[0] = (
+        0.0,
+        phase,
+        0.003 + height,
+    )  # that of this foot
     for n in range(100):
         readings = still(robot, 1e-3 * n)
         readings.foot_force[:] = 0.0, 50.0
@@ -133,7 +171,9 @@ def test_place_and_heading_do_not_matter(robot):
     np.testing.assert_allclose(b.q[:3] - away[:3], turn @ (a.q[:3] - q[:3]), atol=1e-9)
     np.testing.assert_allclose(rotations(b.q[None])[0], turn @ rotations(a.q[None])[0], atol=1e-9)
     covariance = one.record["filter"]["covariance"][0, 9:15, 9:15]
-    np.testing.assert_allclose(other.record["filter"]["covariance"][0, 9:15, 9:15], covariance, atol=1e-12)
+    np.testing.assert_allclose(
+        other.record["filter"]["covariance"][0, 9:15, 9:15], covariance, atol=1e-12
+    )
     np.testing.assert_allclose(covariance, covariance.T, atol=1e-15)
     assert np.linalg.eigvalsh(covariance).min() > 0.0
 
@@ -152,7 +192,10 @@ def test_first_sample_says_how_the_body_is_tilted(robot, tilt):
 
 def test_place_of_the_inertial_unit_does_not_matter():
     """A unit away from the body's origin, with axes of its own, tells the same."""
-    for imu in (hp.Imu(**EXACT), hp.Imu(**EXACT, position=(0.1, -0.05, 0.08), orientation=(0.3, -1.2, 2.0))):
+    for imu in (
+        hp.Imu(**EXACT),
+        hp.Imu(**EXACT, position=(0.1, -0.05, 0.08), orientation=(0.3, -1.2, 2.0)),
+    ):
         run = hp.walk(hp.Scenario(sensors=imu, duration=2.0))
         drift, velocity, tilt = errors(run)
         assert drift < 0.02
@@ -182,7 +225,9 @@ def test_bad_readings_are_said_and_survived(robot, name):
         if bad:
             spoil(readings, n)
         state = estimator.step(readings)
-        assert all(np.isfinite(x).all() for x in (state.q, state.v, state.foot_position, state.foot_force))
+        assert all(
+            np.isfinite(x).all() for x in (state.q, state.v, state.foot_position, state.foot_force)
+        )
         if bad:
             seen.add(estimator.status)
     assert status in seen
@@ -202,15 +247,24 @@ def test_a_clock_that_was_set_back_is_followed(robot):
 
 
 def test_a_gap_is_made_up_for(robot):
-    """Of samples that are missing the last one holds; after a long pause the estimate goes on from where it was."""
+    """Of samples that are missing the last one holds; after a long pause the estimate goes on from
+    where it was.
+    """
     estimator = hp.Estimator(robot, settings=SLOPE)
-    for t in (*np.arange(0.0, 0.5, 1e-3), *np.arange(0.53, 0.8, 1e-3), *np.arange(100.0, 100.3, 1e-3)):
+    for t in (
+        *np.arange(0.0, 0.5, 1e-3),
+        *np.arange(0.53, 0.8, 1e-3),
+        *np.arange(100.0, 100.3, 1e-3),
+    ):
         state = estimator.step(still(robot, t))
     assert estimator.status == "good"
     np.testing.assert_allclose(state.v, 0.0, atol=1e-3)
 
 
-QUIET = {name: 0.0 for name in ("gyroscope_density", "accelerometer_density", "encoder_noise", "velocity_noise")}
+QUIET = {
+    name: 0.0
+    for name in ("gyroscope_density", "accelerometer_density", "encoder_noise", "velocity_noise")
+}
 FINE = 2e-4
 """Between the states of a run, s."""
 
@@ -222,7 +276,9 @@ def fine_run():
 
 @pytest.mark.parametrize("steps", [(3,), (4,), (6,), (8,), (4, 5, 6), (5,) * 40 + (50,)], ids=str)
 def test_the_time_that_passes_counts(robot, fine_run, steps):
-    """Steps of 0.6 to 1.6 ms, uneven ones, and gaps of 10 ms: the place is that of steps of the stated 1 ms."""
+    """Steps of 0.6 to 1.6 ms, uneven ones, and gaps of 10 ms: the place is that of steps of the
+    stated 1 ms.
+    """
 
     def end(multiples):
         run, k, n = fine_run, 0, 0
@@ -230,9 +286,14 @@ def test_the_time_that_passes_counts(robot, fine_run, steps):
         estimator = hp.Estimator(robot)
         estimator.reset(run["q"][0], run["v"][0])
         while k < len(run):
-            before, sensing.period = max(k - multiples[n % len(multiples)], 0), FINE * multiples[n % len(multiples)]
+            before, sensing.period = (
+                max(k - multiples[n % len(multiples)], 0),
+                FINE * multiples[n % len(multiples)],
+            )
             state = hp.State(run["t"][k], *(run[name][k] for name in STATES))
-            readings = sensing.read(state, run["torque"][before : k + 1].mean(0), run["thrust"][before : k + 1].mean(0))
+            readings = sensing.read(
+                state, run["torque"][before : k + 1].mean(0), run["thrust"][before : k + 1].mean(0)
+            )
             estimate, last = estimator.step(readings), k
             n += 1
             k += multiples[n % len(multiples)]
@@ -252,8 +313,12 @@ def test_steps_that_are_missing_are_said(robot):
 
 @pytest.mark.parametrize("settings", [SLOPE, EstimatorSettings()], ids=["slope", "level"])
 @pytest.mark.parametrize("acceleration", [(20.0, 0.0, 0.0), (-30.0, 40.0, 10.0)])
-def test_feet_that_agree_are_believed_against_a_velocity_that_is_lost(robot, acceleration, settings):
-    """A blow while the encoders are gone: metres per second, with which no foot could be in contact."""
+def test_feet_that_agree_are_believed_against_a_velocity_that_is_lost(
+    robot, acceleration, settings
+):
+    """A blow while the encoders are gone: metres per second, with which no foot could be in
+    contact.
+    """
     estimator, said, speed = hp.Estimator(robot, settings=settings), [], []
     for n in range(3000):
         readings = still(robot, 1e-3 * n)
@@ -277,7 +342,10 @@ def test_a_wrong_mounting_is_said(robot):
         each.reset(run["q"][0], run["v"][0])
     sensing, said = Sensing(robot, hp.Imu(), period=1e-3), np.zeros(len(wrong))
     for n, t in enumerate(run["t"]):
-        state = hp.State(t, *(run[name][n] for name in ("q", "v", "foot_position", "foot_velocity", "foot_force")))
+        state = hp.State(
+            t,
+            *(run[name][n] for name in ("q", "v", "foot_position", "foot_velocity", "foot_force")),
+        )
         readings = sensing.read(state, run["torque"][max(n - 1, 0)], run["thrust"][max(n - 1, 0)])
         for each in wrong:
             each.step(readings)
@@ -287,9 +355,13 @@ def test_a_wrong_mounting_is_said(robot):
 
 @needs_robots
 def test_contacts_that_shake_the_robot_are_no_contradiction():
-    """MuJoCo's default contact creeps under round feet, and looks like a bias of the accelerometer."""
+    """MuJoCo's default contact creeps under round feet, and looks like a bias of the
+    accelerometer.
+    """
     plant, ground = hp.Mujoco("default", foot_radius=0.022), hp.Ground(mu_s=0.6)
-    run = hp.walk(hp.Scenario(robot="anymal_c", state="estimated", plant=plant, ground=ground, duration=5.0))
+    run = hp.walk(
+        hp.Scenario(robot="anymal_c", state="estimated", plant=plant, ground=ground, duration=5.0)
+    )
     np.testing.assert_allclose(run["estimated_q"][-1, :3], run["q"][-1, :3], atol=0.03)
     assert (run["estimator_status"] == 0.0).all()
 
@@ -322,4 +394,6 @@ def test_copies_and_resets_are_their_own(robot):
         state = other.step(still(robot, 1e-3 * n))
     np.testing.assert_array_equal(twin.step(still(robot, 0.1)).q, state.q)
     estimator.reset()
-    np.testing.assert_array_equal(estimator.step(still(robot)).q, hp.Estimator(robot).step(still(robot)).q)
+    np.testing.assert_array_equal(
+        estimator.step(still(robot)).q, hp.Estimator(robot).step(still(robot)).q
+    )

@@ -1,7 +1,9 @@
-"""What breaks a robot's readings: none is called good while the estimate is wrong, and after each it comes back.
+"""What breaks a robot's readings: none is called good while the estimate is wrong, and after each
+it comes back.
 
-A robot stands, is lifted, swayed and set down. Its readings are computed from that motion, with noise and biases: the
-torques are those of inverse dynamics, with the least forces that carry it where it stands.
+A robot stands, is lifted, swayed and set down. Its readings are computed from that motion, with
+noise and biases: the torques are those of inverse dynamics, with the least forces that carry it
+where it stands.
 """
 
 from __future__ import annotations
@@ -69,7 +71,11 @@ def biases(rng):
 def carried(name, duration, aloft=(np.inf, np.inf), *, biased=True):
     """A robot that stands, but between two times, s: then it hangs 0.3 m higher, and sways."""
     robot, imu, rng = hp.load_robot(name), hp.Imu(), np.random.default_rng(0)
-    t, model, data = PERIOD * np.arange(round(duration / PERIOD)), robot.model, robot.model.createData()
+    t, model, data = (
+        PERIOD * np.arange(round(duration / PERIOD)),
+        robot.model,
+        robot.model.createData(),
+    )
     sway = smooth(t - aloft[0] - 1.0) - smooth(t - aloft[1] + 2.0)
     angles = sway * np.sin(2.5 * t) * np.array([[0.2], [0.1], [0.15]])
     turns = np.array([pin.rpy.rpyToMatrix(*row) for row in angles.T])
@@ -93,7 +99,9 @@ def carried(name, duration, aloft=(np.inf, np.inf), *, biased=True):
         force = pin.rnea(model, data, q[n], v[n], a[n])
         pin.computeJointJacobians(model, data, q[n])
         pin.updateFramePlacements(model, data)
-        jacobian = np.vstack([pin.getFrameJacobian(model, data, k, pin.LOCAL_WORLD_ALIGNED)[:3] for k in feet])
+        jacobian = np.vstack(
+            [pin.getFrameJacobian(model, data, k, pin.LOCAL_WORLD_ALIGNED)[:3] for k in feet]
+        )
         ground = standing[n] * np.linalg.lstsq(jacobian[:, :6].T, force[:6], rcond=None)[0]
         torque[n] = (force - jacobian.T @ ground)[6:]
     felt = np.einsum("nji,nj->ni", turns, push + STANDING)
@@ -108,7 +116,11 @@ def carried(name, duration, aloft=(np.inf, np.inf), *, biased=True):
 
 def estimated(motion, spoil=lambda readings, n: None, *, target=None, settings=None, known=False):
     """Errors of the velocity, m/s, the statuses, and the estimator."""
-    estimator, errors, said = hp.Estimator(motion.robot, settings=settings), np.zeros(len(motion)), []
+    estimator, errors, said = (
+        hp.Estimator(motion.robot, settings=settings),
+        np.zeros(len(motion)),
+        [],
+    )
     if known:
         estimator.reset(motion.q[0])
     for n in range(len(motion)):
@@ -158,7 +170,8 @@ def without_encoders(readings, n):
 
 
 @pytest.mark.parametrize(
-    ("spoil", "status"), [(switched_off, "feet do not bear the weight"), (without_encoders, "no sample")]
+    ("spoil", "status"),
+    [(switched_off, "feet do not bear the weight"), (without_encoders, "no sample")],
 )
 def test_feet_that_were_not_felt_for_a_minute(still, spoil, status):
     errors, said, estimator = estimated(still, spoil, target=stance(still.robot))
@@ -173,7 +186,9 @@ def test_feet_that_were_not_felt_for_a_minute(still, spoil, status):
 
 
 def test_the_velocity_is_as_uncertain_as_it_says():
-    """Four seconds in the air, with biases of 12 sensors: the mean normalised error is about one."""
+    """Four seconds in the air, with biases of 12 sensors: the mean normalised error is about
+    one.
+    """
     motion, ratios = carried("go2", 5.0, (1.0, 20.0), biased=False), []
     inertial = motion.inertial
     for seed in range(12):
@@ -188,13 +203,17 @@ def test_the_velocity_is_as_uncertain_as_it_says():
 
 
 def test_no_foothold_is_said(robot):
-    """Thrusters bear the weight, so that nothing is wrong with the readings; but the velocity is not known."""
+    """Thrusters bear the weight, so that nothing is wrong with the readings; but the velocity is
+    not known.
+    """
     estimator, said = hp.Estimator(robot), []
     mass, zero, rng = robot.mass, np.zeros(6), np.random.default_rng(0)
     for n in range(15_000):
         lift = np.tile([0.0, 0.0, 0.5 * mass * 9.81], (2, 1))
         noise = 1e-3 * rng.standard_normal(3)
-        readings = hp.Readings(PERIOD * n, noise, np.array([0.0, 0.0, 9.81]), POSTURE.copy(), zero, zero)
+        readings = hp.Readings(
+            PERIOD * n, noise, np.array([0.0, 0.0, 9.81]), POSTURE.copy(), zero, zero
+        )
         readings.thrust = lift
         estimator.step(readings)
         said.append(estimator.status)
@@ -244,7 +263,11 @@ IMPLAUSIBLE = {
     "twice": (twice, "gravity is not felt", "near 96 it was multiplied by g twice"),
     "without gravity": (without_gravity, "gravity is not felt", "near 0 gravity was taken off"),
     "degrees": (in_degrees, "gyroscope contradicts the legs", "may be in degrees per second"),
-    "no torque": (no_torque, "feet do not bear the weight", "of the weight; the robot is carried or lies"),
+    "no torque": (
+        no_torque,
+        "feet do not bear the weight",
+        "of the weight; the robot is carried or lies",
+    ),
     "opposite torque": (opposite_torque, "gravity upside down", "torques must have the sign"),
     "ms": (clock(1e3), "clock in other units", "must be in s"),
     "us": (clock(1e6), "clock in other units", "must be in s"),
@@ -257,7 +280,14 @@ IMPLAUSIBLE = {
 @pytest.mark.parametrize("name", IMPLAUSIBLE)
 def test_what_cannot_be_is_said(still, name, known):
     spoil, status, cause = IMPLAUSIBLE[name]
-    start = Motion(still.robot, still.inertial[:4000], still.joints[:4000], None, still.q[:4000], still.v[:4000])
+    start = Motion(
+        still.robot,
+        still.inertial[:4000],
+        still.joints[:4000],
+        None,
+        still.q[:4000],
+        still.v[:4000],
+    )
     errors, said, estimator = estimated(start, spoil, known=known)
     assert (said[errors > WRONG] == "good").sum() < LATE
     assert (said[2500:] == status).all()
@@ -269,8 +299,17 @@ def test_what_cannot_be_is_said(still, name, known):
 def test_what_was_implausible_comes_back(still, name):
     """Five seconds of it; then all is well."""
     spoil = IMPLAUSIBLE[name][0]
-    start = Motion(still.robot, still.inertial[:11000], still.joints[:11000], None, still.q[:11000], still.v[:11000])
-    errors, said, _ = estimated(start, lambda readings, n: spoil(readings, n) if 1000 <= n < 6000 else None)
+    start = Motion(
+        still.robot,
+        still.inertial[:11000],
+        still.joints[:11000],
+        None,
+        still.q[:11000],
+        still.v[:11000],
+    )
+    errors, said, _ = estimated(
+        start, lambda readings, n: spoil(readings, n) if 1000 <= n < 6000 else None
+    )
     lies = (errors > WRONG) & (said == "good")
     assert lies.sum() < LATE
     assert not lies[2000:].any()
@@ -292,13 +331,17 @@ def walks():
                 sensing.read = lambda *given: readings.append(read(*given)) or readings[0]
                 super().measure(state)
                 sensing.read, target = read, self._controller.target
-                plan = SimpleNamespace(**{n: getattr(target, n).copy() for n in ("stance", "phase", "ground_height")})
+                plan = SimpleNamespace(
+                    **{n: getattr(target, n).copy() for n in ("stance", "phase", "ground_height")}
+                )
                 ticks.append((readings[0], plan, state.q.copy(), state.v.copy()))
                 return state
 
         with pytest.MonkeyPatch.context() as patch:
             patch.setattr("harpy_pin.simulation.sensing.EstimatedState", Kept)
-            hp.walk(hp.Scenario(robot=name, sensors=hp.Imu(), ground=hp.Ground(mu_s=0.6), duration=4.5))
+            hp.walk(
+                hp.Scenario(robot=name, sensors=hp.Imu(), ground=hp.Ground(mu_s=0.6), duration=4.5)
+            )
         found[name] = ticks
     return found
 
@@ -337,7 +380,9 @@ def test_a_loop_that_stalls(walks, name, hard, gap):
 
 
 @pytest.mark.parametrize(
-    ("plant", "held"), [("compliant", {}), ("compliant", JOINT_TARGETS), ("mujoco", JOINT_TARGETS)], ids=str
+    ("plant", "held"),
+    [("compliant", {}), ("compliant", JOINT_TARGETS), ("mujoco", JOINT_TARGETS)],
+    ids=str,
 )
 def test_a_walk_without_any_reading_for_200_ms(monkeypatch, plant, held):
     """It goes on as intended: nobody falls, and the velocity is right soon after.
@@ -355,8 +400,13 @@ def test_a_walk_without_any_reading_for_200_ms(monkeypatch, plant, held):
         return readings
 
     monkeypatch.setattr(Sensing, "read", spoilt)
-    how = {"gait": hp.Walking(velocity=(0.5, 0.0, 0.0)), "controller": {"name": "condensed", "parameters": held}}
-    scenario = hp.Scenario(robot="go2", plant=plant, state="estimated", ground=hp.Ground(mu_s=0.6), duration=3.0, **how)
+    how = {
+        "gait": hp.Walking(velocity=(0.5, 0.0, 0.0)),
+        "controller": {"name": "condensed", "parameters": held},
+    }
+    scenario = hp.Scenario(
+        robot="go2", plant=plant, state="estimated", ground=hp.Ground(mu_s=0.6), duration=3.0, **how
+    )
     run = hp.walk(scenario)
     assert run.ending == "completed"
     error = np.linalg.norm(run["estimated_v"][:, :3] - run["v"][:, :3], axis=1)

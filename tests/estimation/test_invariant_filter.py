@@ -1,4 +1,6 @@
-"""The filter against its equations, written down once more with complex numbers, and against a dense Kalman filter."""
+"""The filter against its equations, written down once more with complex numbers, and against a
+dense Kalman filter.
+"""
 
 import numpy as np
 import pinocchio as pin
@@ -39,7 +41,9 @@ def exp3(w):
 
 def draw(rng):
     size = {"rotation": None, "foothold": (FEET, 3)}
-    values = {name: 0.5 * rng.standard_normal(size.get(name, 3)) for name in NAMES if name != "rotation"}
+    values = {
+        name: 0.5 * rng.standard_normal(size.get(name, 3)) for name in NAMES if name != "rotation"
+    }
     return {"rotation": exp3(rng.standard_normal(3)), **values}
 
 
@@ -76,7 +80,9 @@ def erroneous(state, x):
 
 
 def error_rates(state, estimate, sample):
-    """Rates of the errors, from those of state and estimate; to first order in the errors they are linear in them."""
+    """Rates of the errors, from those of state and estimate; to first order in the errors they are
+    linear in them.
+    """
     own, other = rates(state, *sample), rates(estimate, *sample)
     turn = estimate["rotation"] @ state["rotation"].T
     spin = other["rotation"] @ state["rotation"].T + estimate["rotation"] @ own["rotation"].T
@@ -84,8 +90,15 @@ def error_rates(state, estimate, sample):
     def moved(name):
         return other[name] - own[name] @ turn.T - state[name] @ spin.T
 
-    out = [np.array([spin[2, 1] - spin[1, 2], spin[0, 2] - spin[2, 0], spin[1, 0] - spin[0, 1]]) / 2]
-    out += [moved("velocity"), other["position"] - own["position"], np.zeros(6), moved("foothold").ravel()]
+    out = [
+        np.array([spin[2, 1] - spin[1, 2], spin[0, 2] - spin[2, 0], spin[1, 0] - spin[0, 1]]) / 2
+    ]
+    out += [
+        moved("velocity"),
+        other["position"] - own["position"],
+        np.zeros(6),
+        moved("foothold").ravel(),
+    ]
     return np.concatenate(out)
 
 
@@ -124,17 +137,25 @@ def test_covariance_and_correction_are_those_of_a_dense_filter(seed):
     innovation = state["rotation"] @ place - state["foothold"][1]
     gain = before @ h.T @ np.linalg.inv(h @ before @ h.T + noise)
     rest = np.eye(N) - gain @ h
-    np.testing.assert_allclose(f["covariance"][0], rest @ before @ rest.T + gain @ noise @ gain.T, atol=1e-12)
+    np.testing.assert_allclose(
+        f["covariance"][0], rest @ before @ rest.T + gain @ noise @ gain.T, atol=1e-12
+    )
     x = gain @ innovation
     back = pin.exp3(-x[:3])
     np.testing.assert_allclose(f["rotation"][0], back @ state["rotation"], atol=1e-12)
     np.testing.assert_allclose(f["velocity"][0], back @ (state["velocity"] - x[3:6]), atol=1e-12)
-    np.testing.assert_allclose(f["foothold"][0], (state["foothold"] - x[15:].reshape(2, 3)) @ back.T, atol=1e-12)
-    np.testing.assert_allclose(f["gyroscope_bias"][0], state["gyroscope_bias"] - x[9:12], atol=1e-12)
+    np.testing.assert_allclose(
+        f["foothold"][0], (state["foothold"] - x[15:].reshape(2, 3)) @ back.T, atol=1e-12
+    )
+    np.testing.assert_allclose(
+        f["gyroscope_bias"][0], state["gyroscope_bias"] - x[9:12], atol=1e-12
+    )
 
 
 def test_prediction_converges_to_the_exact_motion():
-    """Constant angular velocity and acceleration in the body: the closed form is a series of exponentials."""
+    """Constant angular velocity and acceleration in the body: the closed form is a series of
+    exponentials.
+    """
     spin, push = np.array([0.3, -1.0, 0.7]), np.array([1.0, 2.0, 9.0])
     f = make()
     filters.begin_filter(f)
@@ -149,21 +170,31 @@ def test_prediction_converges_to_the_exact_motion():
 
 
 def test_errors_are_as_large_as_the_covariance_says():
-    """The mean normalised squared error of 50 runs, drawn as the filter believes, is inside its band of 95 %."""
+    """The mean normalised squared error of 50 runs, drawn as the filter believes, is inside its
+    band of 95 %.
+    """
     errors = []
     for seed in range(50):
         rng = np.random.default_rng(seed)
         f = make(height_noise=np.inf, tilt=0.03, velocity=0.1, gate=1e6)
         filters.begin_filter(f)
         period, feet = f["period"][0], np.array([[0.1, 0.2, 0.0], [-0.1, -0.2, 0.0]])
-        truth = {"rotation": np.eye(3), "velocity": np.zeros(3), "position": np.array([0.0, 0.0, 0.5])}
-        biases = [density * rng.standard_normal(3) for density in (f["start"][0, 9], f["start"][0, 12])]
+        truth = {
+            "rotation": np.eye(3),
+            "velocity": np.zeros(3),
+            "position": np.array([0.0, 0.0, 0.5]),
+        }
+        biases = [
+            density * rng.standard_normal(3) for density in (f["start"][0, 9], f["start"][0, 12])
+        ]
         start = f["start"][0] * rng.standard_normal(15)
         f["rotation"] = pin.exp3(start[:3])
         f["velocity"], f["position"] = start[3:6], truth["position"]
         f["gyroscope_bias"] = f["accelerometer_bias"] = 0.0
         noise = 1e-6 * np.eye(3)
-        deviations = [f[name][0] / np.sqrt(period) for name in ("gyroscope_density", "accelerometer_density")]
+        deviations = [
+            f[name][0] / np.sqrt(period) for name in ("gyroscope_density", "accelerometer_density")
+        ]
         for n in range(400):
             t = n * period
             spin = np.array([0.5 * np.sin(7 * t), 0.4 * np.cos(5 * t), 0.6 * np.sin(3 * t)])
@@ -179,16 +210,36 @@ def test_errors_are_as_large_as_the_covariance_says():
             said[1] -= f["accelerometer_bias"][0]
             filters.predict(f, *said, np.zeros((FEET, 3)))
             for k in range(FEET):
-                place = truth["rotation"].T @ (feet[k] - truth["position"]) + 1e-3 * rng.standard_normal(3)
+                place = truth["rotation"].T @ (
+                    feet[k] - truth["position"]
+                ) + 1e-3 * rng.standard_normal(3)
                 if f["held"][0, k]:
                     filters.slide(f, k, 1e-6)
                     filters.take_kinematics(f, k, place, noise)
                 else:
                     filters.touch_down(f, k, place, noise)
         turn = f["rotation"][0] @ truth["rotation"].T
-        parts = [pin.log3(turn), f["velocity"][0] - turn @ truth["velocity"], f["position"][0] - truth["position"]]
-        x = np.concatenate([*parts, f["gyroscope_bias"][0] - biases[0], f["accelerometer_bias"][0] - biases[1]])
-        seen = [0, 1, 3, 4, 5, 8, 9, 10, 12, 13, 14]  # heading and what moves with it is as at the start
+        parts = [
+            pin.log3(turn),
+            f["velocity"][0] - turn @ truth["velocity"],
+            f["position"][0] - truth["position"],
+        ]
+        x = np.concatenate(
+            [*parts, f["gyroscope_bias"][0] - biases[0], f["accelerometer_bias"][0] - biases[1]]
+        )
+        seen = [
+            0,
+            1,
+            3,
+            4,
+            5,
+            8,
+            9,
+            10,
+            12,
+            13,
+            14,
+        ]  # heading and what moves with it is as at the start
         covariance = f["covariance"][0][np.ix_(seen, seen)]
         errors.append(x[seen] @ np.linalg.solve(covariance, x[seen]))
     low, high = chi2.ppf([0.025, 0.975], 50 * 11) / 50

@@ -1,4 +1,6 @@
-"""Exported C: it compiles without a warning, says what the library says, and leaves no undefined behaviour."""
+"""Exported C: it compiles without a warning, says what the library says, and leaves no undefined
+behaviour.
+"""
 
 import ctypes
 import shutil
@@ -24,8 +26,17 @@ from harpy_pin.gaits.gait import GaitTarget
 from harpy_pin.kernels.compiler import EXACT, compiler, work_folder
 
 WARNINGS = (
-    *("-std=c99", "-Wall", "-Wextra", "-Wconversion", "-Wdouble-promotion", "-Werror", "-ffp-contract=off"),
-    "-Wno-tautological-overlap-compare",  # clang's, of loops over the bodies of a robot that has one
+    *(
+        "-std=c99",
+        "-Wall",
+        "-Wextra",
+        "-Wconversion",
+        "-Wdouble-promotion",
+        "-Werror",
+        "-ffp-contract=off",
+    ),
+    # clang's, of loops over the bodies of a robot that has one
+    "-Wno-tautological-overlap-compare",
 )
 SANITIZERS = ("-fsanitize=undefined,address", "-fno-sanitize-recover=all", "-g")
 TWO = ("atan2", "hypot")
@@ -80,7 +91,9 @@ ALWAYS = [("condensed", "float"), ("paper", "double"), ("estimator", "float")]
 @needs_compiler
 @pytest.mark.parametrize(("controller", "precision"), long_but(ALL, ALWAYS))
 def test_the_c_says_what_the_library_says(folders, controller, precision):
-    """Without a warning; in double precision the recorded answers are those of the library's kernels."""
+    """Without a warning; in double precision the recorded answers are those of the library's
+    kernels.
+    """
     done = compile_and_run(folders("harpy", controller, precision), "-O2")
     assert done.stdout == f"all equal: 200 ticks of harpy_{controller}, {precision}\n"
     assert done.returncode == 0
@@ -111,7 +124,9 @@ def test_a_difference_is_found(folders, tmp_path):
     source = place / f"{done.code.name}.c"
     text = source.read_text()
     assert text.count("state->governor.alpha_r = 10.0f;") == 1
-    source.write_text(text.replace("state->governor.alpha_r = 10.0f;", "state->governor.alpha_r = 10.5f;"))
+    source.write_text(
+        text.replace("state->governor.alpha_r = 10.0f;", "state->governor.alpha_r = 10.5f;")
+    )
     changed = compile_and_run(type(done)(done.code, done.what, done.ticks, place), "-O1")
     assert changed.returncode == 1
     assert "ticks differ" in changed.stdout
@@ -119,7 +134,9 @@ def test_a_difference_is_found(folders, tmp_path):
 
 @pytest.mark.parametrize("controller", ["condensed", "wbc", "paper", "filter"])
 def test_a_tick_is_the_controllers(controller):
-    """The record that is exported begins as the controller does, and has the command where the C looks for it."""
+    """The record that is exported begins as the controller does, and has the command where the C
+    looks for it.
+    """
     motion = ready(hp.load_harpy(), controller, duration=0.05, friction=0.2)
     what = exportable(motion.controller)
     given = record(motion, what)
@@ -127,12 +144,16 @@ def test_a_tick_is_the_controllers(controller):
     run = ready(hp.load_harpy(), controller, duration=0.05, friction=0.2).run()
     joints = run["torque"].shape[1]
     np.testing.assert_array_equal(commands[: len(run), :joints], run["torque"][: len(commands)])
-    np.testing.assert_array_equal(commands[: len(run), joints:], run["thrust"][: len(commands)].reshape(-1, 6))
+    np.testing.assert_array_equal(
+        commands[: len(run), joints:], run["thrust"][: len(commands)].reshape(-1, 6)
+    )
 
 
 @needs_compiler
 def test_the_estimate_is_the_estimators(folders):
-    """In double precision every number is that of the class; in single precision it is as good as its sensors."""
+    """In double precision every number is that of the class; in single precision it is as good as
+    its sensors.
+    """
     motion = ready(hp.load_harpy(), "estimator", duration=0.5)
     estimator, target = motion.sensors.estimator, GaitTarget()
     what = exportable(estimator)
@@ -162,8 +183,12 @@ def test_an_estimate_in_single_precision_lasts(folders):
     inputs = {name: np.zeros((ticks, *rows.shape[1:])) for name, rows in given.inputs.items()}
     inputs["elapsed"][1:] = 1e-3
     inputs["gyroscope"] += imu.gyroscope_density * share * rng.standard_normal((ticks, 3))
-    inputs["accelerometer"] += imu.accelerometer_density * share * rng.standard_normal((ticks, 3)) + (0.0, 0.0, 9.81)
-    inputs["joint_position"] += given.inputs["joint_position"][0] + imu.encoder_noise * rng.standard_normal((ticks, 6))
+    inputs["accelerometer"] += imu.accelerometer_density * share * rng.standard_normal(
+        (ticks, 3)
+    ) + (0.0, 0.0, 9.81)
+    inputs["joint_position"] += given.inputs["joint_position"][
+        0
+    ] + imu.encoder_noise * rng.standard_normal((ticks, 6))
     inputs["normal_force"] += 0.5 * 9.81 * robot.mass
     still = replace(given, inputs=inputs, target=np.repeat(given.target[:1], ticks, axis=0))
     for precision in ("float", "double"):
@@ -180,12 +205,17 @@ def test_an_estimate_in_single_precision_lasts(folders):
 def test_joint_targets_are_exported(controller, single, tmp_path):
     """Four more arrays; in double precision with the digits of the walk."""
     motors = {"joint_stiffness": 1.0, "joint_damping": 0.3}
-    scenario = hp.Scenario(controller={"name": controller, **motors}, duration=0.1, ground=hp.Ground(mu_s=0.2))
+    scenario = hp.Scenario(
+        controller={"name": controller, **motors}, duration=0.1, ground=hp.Ground(mu_s=0.2)
+    )
     motion, run = hp.build(scenario), hp.build(scenario).run()
     what = exportable(motion.controller)
     given = record(motion, what)
     done = write_folder(what, given, tmp_path, name="condensed", single=single, readme=False)
-    assert compile_and_run(done, "-O1").stdout == f"all equal: 100 ticks of condensed, {done.code.real}\n"
+    assert (
+        compile_and_run(done, "-O1").stdout
+        == f"all equal: 100 ticks of condensed, {done.code.real}\n"
+    )
     assert f"{done.code.real} thrust[6], {done.code.real} joint_position[6]" in done.code.header
     rows = [run[name].reshape(100, -1) for name in ("torque", "thrust", "motor_law")]
     if not single:
@@ -236,9 +266,17 @@ class InC:
         self.torque = np.zeros(len(controller.robot.joints), np.float32 if single else np.float64)
 
     def step(self, state):
-        arrays = (self.inner.gait.command, np.full(1, self.period), state.q, state.v, state.foot_force)
+        arrays = (
+            self.inner.gait.command,
+            np.full(1, self.period),
+            state.q,
+            state.v,
+            state.foot_force,
+        )
         arrays = [np.ascontiguousarray(array, dtype=self.torque.dtype) for array in arrays]
-        self.lib.walk_step(self.state, *(ctypes.c_void_p(array.ctypes.data) for array in (*arrays, self.torque)))
+        self.lib.walk_step(
+            self.state, *(ctypes.c_void_p(array.ctypes.data) for array in (*arrays, self.torque))
+        )
         return hp.Command(self.torque.astype(float), np.zeros((0, 3)))
 
 
@@ -262,10 +300,14 @@ def test_walks_that_are_not_exported_are_refused():
     with pytest.raises(hp.InputError, match="with a WalkingGait, not with a"):
         exportable_walk(harpy)
     program = hp.make_controller("wbc", hp.WalkingGait(hp.load_robot("go2")), mu=0.5)
-    with pytest.raises(hp.InputError, match="with a CondensedController, not with a WholeBodyController"):
+    with pytest.raises(
+        hp.InputError, match="with a CondensedController, not with a WholeBodyController"
+    ):
         exportable_walk(program)
     scripted = hp.WalkingGait(hp.load_robot("go2"), velocity=((0.0, 0.1, 0, 0), (1.0, 0, 0, 0)))
-    with pytest.raises(hp.InputError, match="a script or function of velocities cannot be exported"):
+    with pytest.raises(
+        hp.InputError, match="a script or function of velocities cannot be exported"
+    ):
         exportable_walk(hp.make_controller("condensed", scripted, mu=0.5))
 
 
@@ -287,16 +329,26 @@ def test_portable_functions(tmp_path):
     """Against NumPy in double precision, at any angle that a robot has, and at the ends."""
     texts = dict.fromkeys(text for texts in PORTABLE.values() for text in texts)
     calls = "".join(
-        f"real call_{name}(real x, real y) {{ (void)y; return real_{name}({'x, y' if name in TWO else 'x'}); }}\n"
+        f"real call_{name}(real x, real y) "
+        f"{{ (void)y; return real_{name}({'x, y' if name in TWO else 'x'}); }}\n"
         for name in PORTABLE
     )
     source = tmp_path / "functions.c"
     head = "#include <math.h>\n#include <stdint.h>\ntypedef float real;\ntypedef int32_t integer;\n"
     source.write_text(head + "\n".join(texts) + "\n" + calls)
     library = tmp_path / "functions.so"
-    subprocess.run([*compiler(), *EXACT, "-O1", "-shared", "-fPIC", str(source), "-o", str(library), "-lm"], check=True)
+    subprocess.run(
+        [*compiler(), *EXACT, "-O1", "-shared", "-fPIC", str(source), "-o", str(library), "-lm"],
+        check=True,
+    )
     lib, rng = ctypes.CDLL(str(library)), np.random.default_rng(0)
-    truth = {"sin": np.sin, "cos": np.cos, "atan2": np.arctan2, "acos": np.arccos, "hypot": np.hypot}
+    truth = {
+        "sin": np.sin,
+        "cos": np.cos,
+        "atan2": np.arctan2,
+        "acos": np.arccos,
+        "hypot": np.hypot,
+    }
     truth |= {"exp": np.exp, "tanh": np.tanh}
     for name in PORTABLE:
         function = getattr(lib, f"call_{name}")
@@ -326,12 +378,17 @@ def test_missing_tools_are_named(monkeypatch):
 @pytest.mark.parametrize(
     ("robot", "options", "message"),
     [
-        ("solo12", {"controller": "paper"}, "'paper' is for Harpy's legs and thrusters, not for 'solo12'"),
+        (
+            "solo12",
+            {"controller": "paper"},
+            "'paper' is for Harpy's legs and thrusters, not for 'solo12'",
+        ),
         ("nobody", {}, "unknown robot 'nobody'"),
         (
             "harpy",
             {"controller": "nothing"},
-            "unknown controller 'nothing'; valid names: condensed, estimator, filter, paper, walk, wbc",
+            "unknown controller 'nothing'; valid names: condensed, estimator, filter, paper, walk, "
+            "wbc",
         ),
         ("harpy", {"precision": "half"}, "unknown precision 'half'"),
     ],
@@ -365,7 +422,9 @@ def test_on_a_board(folders, chip):
     """Bare metal, in QEMU: the digits are those of this machine."""
     done = folders("harpy", "condensed", "float")
     sources = [f"{done.code.name}.c", "vectors.c", "check.c"]
-    program = build(done.folder, sources, CHIPS[chip], done.folder / f"{chip}.elf", flags=("-O2", *WARNINGS[1:]))
+    program = build(
+        done.folder, sources, CHIPS[chip], done.folder / f"{chip}.elf", flags=("-O2", *WARNINGS[1:])
+    )
     assert run(program, CHIPS[chip]) == ("all equal: 200 ticks of harpy_condensed, float\n", 0)
 
 

@@ -1,4 +1,6 @@
-"""The commanded gait: continuous targets, feet that stay, limits that the legs keep, and walks that follow commands."""
+"""The commanded gait: continuous targets, feet that stay, limits that the legs keep, and walks that
+follow commands.
+"""
 
 import numpy as np
 import pinocchio as pin
@@ -22,13 +24,15 @@ from harpy_pin.model.kinematics import leg_inverse
 ROBOT = hp.load_harpy()
 P = CommandedParameters()
 entries = st.floats(-0.6, 0.6) | st.sampled_from((0.0, 3.0, -20.0, 1e5))
-scripts = st.lists(st.tuples(st.floats(0.05, 1.5), entries, entries, entries), min_size=1, max_size=5).map(
-    lambda rows: [(sum(row[0] for row in rows[: i + 1]), *rows[i][1:]) for i in range(len(rows))]
-)
+scripts = st.lists(
+    st.tuples(st.floats(0.05, 1.5), entries, entries, entries), min_size=1, max_size=5
+).map(lambda rows: [(sum(row[0] for row in rows[: i + 1]), *rows[i][1:]) for i in range(len(rows))])
 
 
 def follow(gait, times):
-    """Targets row by row: body (n, 3, 3), heading (n, 3), feet in the world (n, 3, feet, 3), stance (n, feet)."""
+    """Targets row by row: body (n, 3, 3), heading (n, 3), feet in the world (n, 3, feet, 3), stance
+    (n, feet).
+    """
     body, heading, feet, stance = [], [], [], []
     for t in times:
         target = gait.update(float(t))
@@ -48,22 +52,34 @@ def test_targets_are_continuous_whatever_is_commanded(script):
     body, heading, feet, _ = follow(gait, np.arange(0.0, script[-1][0] + 2.0, h))
     # The command's limits, in the turning frame, and the sway with its growth and its end.
     rate = np.pi / P.step_duration
-    most = P.acceleration + 2.0 * MAX_TURN * gait.most_speed + 3.0 * P.sway * (rate + MAX_TURN) ** 2 + 2.0
+    most = (
+        P.acceleration
+        + 2.0 * MAX_TURN * gait.most_speed
+        + 3.0 * P.sway * (rate + MAX_TURN) ** 2
+        + 2.0
+    )
     assert np.linalg.norm(body[:, 2], axis=1).max() < most
     for signal, bound in ((body, most), (heading, 1.01 * P.turn_acceleration)):
         place, velocity = signal[:, 0], signal[:, 1]
-        np.testing.assert_allclose(np.diff(place, axis=0) / h, 0.5 * (velocity[1:] + velocity[:-1]), atol=bound * h)
+        np.testing.assert_allclose(
+            np.diff(place, axis=0) / h, 0.5 * (velocity[1:] + velocity[:-1]), atol=bound * h
+        )
         assert np.abs(np.diff(velocity, axis=0)).max() <= bound * h
-    # A step of 1.5 m in one swing is 6 · 1.5 / 0.525² = 33 m/s²; a foothold that moves late asks for more.
+    # A step of 1.5 m in one swing is 6 · 1.5 / 0.525² = 33 m/s²; a foothold that moves late asks
+    # for more.
     place, velocity = feet[:, 0], feet[:, 1]
-    np.testing.assert_allclose(np.diff(place, axis=0) / h, 0.5 * (velocity[1:] + velocity[:-1]), atol=80.0 * h)
+    np.testing.assert_allclose(
+        np.diff(place, axis=0) / h, 0.5 * (velocity[1:] + velocity[:-1]), atol=80.0 * h
+    )
     assert np.abs(np.diff(velocity, axis=0)).max() <= 80.0 * h
 
 
 @given(scripts)
 @settings(max_examples=10)
 def test_a_stance_foot_stays_and_feet_never_meet(script):
-    _, _, feet, stance = follow(CommandedGait(ROBOT, script), np.arange(0.0, script[-1][0] + 3.0, 4e-3))
+    _, _, feet, stance = follow(
+        CommandedGait(ROBOT, script), np.arange(0.0, script[-1][0] + 3.0, 4e-3)
+    )
     kept = stance[1:] & stance[:-1]
     np.testing.assert_allclose(np.diff(feet[:, 0, :, :2], axis=0)[kept], 0.0, atol=1e-12)
     np.testing.assert_allclose(feet[:, 1, :, :2][stance], 0.0, atol=1e-12)
@@ -99,7 +115,8 @@ def test_accelerations_are_those_of_the_velocities():
     for signal in (body, heading):
         slope = np.diff(signal[:, 1], axis=0) / h
         error = np.abs(slope - 0.5 * (signal[1:, 2] + signal[:-1, 2]))
-        # Where the command or the acceleration's limit changes, the acceleration jumps: in few rows.
+        # Where the command or the acceleration's limit changes, the acceleration jumps: in few
+        # rows.
         assert np.quantile(error.reshape(len(error), -1).max(axis=1), 0.998) < 0.01
     same = (stance[1:] == stance[:-1]).all(axis=1)
     slope = np.diff(feet[:, 1], axis=0) / h
@@ -109,25 +126,41 @@ def test_accelerations_are_those_of_the_velocities():
 
 @pytest.mark.parametrize("speed", [0.3, 0.15, -0.2])
 def test_a_straight_command_becomes_the_straight_walk(speed):
-    gait, straight = CommandedGait(ROBOT, [(0.2, speed, 0.0, 0.0)]), hp.make_gait(ROBOT, speed=speed)
+    gait, straight = (
+        CommandedGait(ROBOT, [(0.2, speed, 0.0, 0.0)]),
+        hp.make_gait(ROBOT, speed=speed),
+    )
     gait.update(6.0)
     x = gait.target.body[0]
     for t in np.arange(6.0, 9.0, 0.0137):
         target = gait.update(float(t))
         # It began to walk at 0.2 s, in the middle of a double support of the straight walk.
-        own = straight.update((t - 0.2 + 0.5 * P.double_support * P.step_duration) % (2.0 * P.step_duration))
+        own = straight.update(
+            (t - 0.2 + 0.5 * P.double_support * P.step_duration) % (2.0 * P.step_duration)
+        )
         np.testing.assert_array_equal(target.stance, own.stance)
-        for name in ("foot_position", "foot_velocity", "foot_acceleration", "phase", "world_frame_blend"):
-            np.testing.assert_allclose(getattr(target, name), getattr(own, name), atol=1e-9, err_msg=name)
+        for name in (
+            "foot_position",
+            "foot_velocity",
+            "foot_acceleration",
+            "phase",
+            "world_frame_blend",
+        ):
+            np.testing.assert_allclose(
+                getattr(target, name), getattr(own, name), atol=1e-9, err_msg=name
+            )
         np.testing.assert_allclose(target.body[1:], own.body[1:], atol=1e-9)
         assert target.body[0] - x == pytest.approx(speed * (t - 6.0), abs=1e-9)
         assert not target.heading.any()
 
 
 def test_a_walk_goes_by_the_integral_of_its_command():
-    """Speeding up and slowing down are mirror images, so what is commanded for a time is gone in full."""
+    """Speeding up and slowing down are mirror images, so what is commanded for a time is gone in
+    full.
+    """
     gait = CommandedGait(
-        ROBOT, [(0.0, 0.4, 0.0, 0.0), (3.0, 0.0, 0.0, 0.5), (5.0, 0.0, 0.15, 0.0), (9.0, 0.0, 0.0, 0.0)]
+        ROBOT,
+        [(0.0, 0.4, 0.0, 0.0), (3.0, 0.0, 0.0, 0.5), (5.0, 0.0, 0.15, 0.0), (9.0, 0.0, 0.0, 0.0)],
     )
     gait.update(13.0)
     assert not gait.walking
@@ -170,7 +203,9 @@ def test_the_time_between_updates_matters_little():
         np.testing.assert_array_equal(gait.target.stance, fine.target.stance)
 
 
-@pytest.mark.parametrize("wild", [(3.0, 0.0, 0.0), (0.0, -3.0, 0.0), (0.0, 0.0, 20.0), (-50.0, 9.0, 3.0)])
+@pytest.mark.parametrize(
+    "wild", [(3.0, 0.0, 0.0), (0.0, -3.0, 0.0), (0.0, 0.0, 20.0), (-50.0, 9.0, 3.0)]
+)
 def test_a_wild_command_is_scaled_down_as_a_whole(wild):
     gait = CommandedGait(ROBOT)
     gait.command[:] = wild
@@ -247,7 +282,9 @@ def test_it_starts_where_its_targets_are():
     for _ in range(2):
         q, v = gait.initial_state()
         feet = places(ROBOT, q)
-        np.testing.assert_allclose(feet - q[:3], CommandedGait(ROBOT).update(0.0).foot_position, atol=1e-12)
+        np.testing.assert_allclose(
+            feet - q[:3], CommandedGait(ROBOT).update(0.0).foot_position, atol=1e-12
+        )
         assert feet[:, 2].min() == pytest.approx(0.0, abs=1e-12)
         assert not v.any()
         before = gait.update(1.0).record.copy()
@@ -264,7 +301,9 @@ def test_the_body_is_turned_to_the_heading(draw_state):
     k, d = parameters.orientation
     for heading in (0.0, 0.7, -2.0, 3.0, 9.0):
         q, v = draw_state(rng)
-        q[3:7] = pin.Quaternion(pin.rpy.rpyToMatrix(0.2, -0.3, heading + 0.4)).coeffs() * rng.choice((-1.0, 1.0))
+        q[3:7] = pin.Quaternion(
+            pin.rpy.rpyToMatrix(0.2, -0.3, heading + 0.4)
+        ).coeffs() * rng.choice((-1.0, 1.0))
         target = gait.update(0.0)
         target.heading[:] = (heading, 0.6, -0.9)
         task_terms(record, target.record, q, v, np.zeros((2, 3)))
@@ -272,7 +311,9 @@ def test_the_body_is_turned_to_the_heading(draw_state):
         error = pin.log3(pin.rpy.rpyToMatrix(0.0, 0.0, heading).T @ body)
         up = body.T @ np.array((0.0, 0.0, 1.0))
         np.testing.assert_allclose(
-            record["targets"]["orientation"][0], -k * error - d * (v[3:6] - 0.6 * up) - 0.9 * up, atol=1e-9
+            record["targets"]["orientation"][0],
+            -k * error - d * (v[3:6] - 0.6 * up) - 0.9 * up,
+            atol=1e-9,
         )
 
 
@@ -281,11 +322,17 @@ QUARTER = ((0.3, 0.3, 0.0, 0.0), (1.5, 0.2, 0.0, np.pi / 4), (3.5, 0.0, 0.0, 0.0
 
 @pytest.mark.parametrize(
     ("controller", "plant"),
-    [("condensed", "compliant"), ("wbc", "compliant"), pytest.param("condensed", "mujoco", marks=needs_mujoco)],
+    [
+        ("condensed", "compliant"),
+        ("wbc", "compliant"),
+        pytest.param("condensed", "mujoco", marks=needs_mujoco),
+    ],
 )
 def test_a_walk_turns_by_a_quarter_and_stops(controller, plant):
     part = {"name": controller, "parameters": own_search(controller)}
-    run = walked(controller=part, gait=hp.Commanded(velocity=QUARTER), mu_s=0.4, plant=plant, duration=6.5)
+    run = walked(
+        controller=part, gait=hp.Commanded(velocity=QUARTER), mu_s=0.4, plant=plant, duration=6.5
+    )
     measures = hp.measure(run)
     assert run.ending == "completed"
     assert body_angles(run["q"])[-1, 2] == pytest.approx(np.pi / 2, abs=0.01)

@@ -1,4 +1,6 @@
-"""Bezier curves against Bernstein's sum, and the walk: support, hand-over, feet at rest on the ground."""
+"""Bezier curves against Bernstein's sum, and the walk: support, hand-over, feet at rest on the
+ground.
+"""
 
 from dataclasses import replace
 
@@ -43,7 +45,9 @@ def targets(gait, times):
 
 def world(rows):
     """Feet in the world: position, velocity, acceleration; (times, 3, feet, 3)."""
-    relative = np.stack((rows["foot_position"], rows["foot_velocity"], rows["foot_acceleration"]), axis=1)
+    relative = np.stack(
+        (rows["foot_position"], rows["foot_velocity"], rows["foot_acceleration"]), axis=1
+    )
     return rows["body"].reshape(-1, 3, 1, 3) + relative
 
 
@@ -63,7 +67,9 @@ def test_bezier_against_bernstein(points, s, duration):
     bezier(points, s, duration, *out)
     np.testing.assert_allclose(position, polynomial(t), rtol=0, atol=1e-13)
     np.testing.assert_allclose(velocity, polynomial.derivative(1)(t), rtol=0, atol=1e-11 / duration)
-    np.testing.assert_allclose(acceleration, polynomial.derivative(2)(t), rtol=0, atol=1e-10 / duration**2)
+    np.testing.assert_allclose(
+        acceleration, polynomial.derivative(2)(t), rtol=0, atol=1e-10 / duration**2
+    )
 
 
 def test_feet_stand_in_turns_with_double_support_between(gait):
@@ -77,7 +83,9 @@ def test_feet_stand_in_turns_with_double_support_between(gait):
 
 
 def test_a_stance_foot_stands_still_in_the_world(gait):
-    """Body target + relative target: no motion in x and y for the whole of a stance, footholds one step apart."""
+    """Body target + relative target: no motion in x and y for the whole of a stance, footholds one
+    step apart.
+    """
     p, t = gait.parameters, grid(gait, periods=3, rows=1801)
     rows, footholds = targets(gait, t), {}
     feet, stance = world(rows), rows["stance"] == 1.0
@@ -98,7 +106,9 @@ def test_a_stance_foot_stands_still_in_the_world(gait):
 
 
 def test_a_stance_foot_aims_no_deeper_than_its_offset(gait):
-    """Its target in the world is between −offset and the surface, that of a swing foot at or above the surface."""
+    """Its target in the world is between −offset and the surface, that of a swing foot at or above
+    the surface.
+    """
     p, rows = gait.parameters, targets(gait, grid(gait))
     height, stance = world(rows)[:, 0, :, 2], rows["stance"] == 1.0
     assert height[stance].min() >= -p.penetration_offset - 1e-12
@@ -132,13 +142,18 @@ def test_targets_are_continuous(gait):
     jump = np.abs(before["foot_velocity"] - after["foot_velocity"])
     assert jump[..., :2].max() <= 1e-4
     # The only jump: the stance goes into the ground at once, 4 offset / stance time.
-    assert jump[..., 2].max() <= 4 * p.penetration_offset / (p.step_duration * (1 + p.double_support)) + 1e-4
+    assert (
+        jump[..., 2].max()
+        <= 4 * p.penetration_offset / (p.step_duration * (1 + p.double_support)) + 1e-4
+    )
 
 
 @settings(max_examples=60)
 @given(t=times)
 def test_targets_at_the_very_hand_over(robot, t):
-    """No instant, however rounded, has no support, a phase outside [0, 1] or anything not finite."""
+    """No instant, however rounded, has no support, a phase outside [0, 1] or anything not
+    finite.
+    """
     step = 0.75 * round(t / 0.75)
     rows = targets(make_gait(robot), np.maximum((t, step, step + 0.15, np.nextafter(step, 0)), 0.0))
     assert (rows["stance"].sum(axis=1) >= 1).all()
@@ -156,8 +171,13 @@ def test_velocities_and_accelerations_are_derivatives(gait):
     events = (np.abs(phase - p.double_support * p.step_duration), phase, p.step_duration - phase)
     t = t[np.min(events, axis=0) > 2 * h]
     here, ahead, behind = (targets(gait, t + shift) for shift in (0.0, h, -h))
-    for value, slope in (("foot_position", "foot_velocity"), ("foot_velocity", "foot_acceleration")):
-        np.testing.assert_allclose(here[slope], (ahead[value] - behind[value]) / (2 * h), atol=1e-6, rtol=1e-7)
+    for value, slope in (
+        ("foot_position", "foot_velocity"),
+        ("foot_velocity", "foot_acceleration"),
+    ):
+        np.testing.assert_allclose(
+            here[slope], (ahead[value] - behind[value]) / (2 * h), atol=1e-6, rtol=1e-7
+        )
     body = (ahead["body"] - behind["body"]) / (2 * h)
     np.testing.assert_allclose(here["body"][:, 3:], body[:, :6], atol=1e-7)
 
@@ -168,7 +188,9 @@ def test_steps_are_mirror_images(gait):
     t = np.linspace(0.011, 2 * p.step_duration, 41)
     first, second = targets(gait, t), targets(gait, t + p.step_duration)
     for name in ("foot_position", "foot_velocity", "foot_acceleration"):
-        np.testing.assert_allclose(second[name][:, ::-1], first[name] * (1, -1, 1), atol=1e-9, err_msg=name)
+        np.testing.assert_allclose(
+            second[name][:, ::-1], first[name] * (1, -1, 1), atol=1e-9, err_msg=name
+        )
     np.testing.assert_allclose(second["stance"][:, ::-1], first["stance"])
     np.testing.assert_allclose(second["body"][:, 1::3], -first["body"][:, 1::3], atol=1e-9)
 
@@ -194,12 +216,20 @@ def test_every_target_is_within_reach_of_the_leg(robot, gait):
 
 
 def test_paper_numbers(robot):
-    """equations.md §3: one step of 0.225 m in 0.75 s, height 0.6 m, ±0.025 m sideways with period 1.5 s."""
+    """equations.md §3: one step of 0.225 m in 0.75 s, height 0.6 m, ±0.025 m sideways with period
+    1.5 s.
+    """
     gait = make_gait(robot)
-    assert (gait.parameters.speed, gait.parameters.step_duration, gait.parameters.height) == (0.3, 0.75, 0.6)
+    assert (gait.parameters.speed, gait.parameters.step_duration, gait.parameters.height) == (
+        0.3,
+        0.75,
+        0.6,
+    )
     feet = world(targets(gait, (0.3, 0.3 + 0.75, 0.3 + 1.5)))[:, 0, :, 0]
     np.testing.assert_allclose(np.diff((feet[0, 0], feet[1, 1], feet[2, 0])), 0.225, atol=1e-12)
-    np.testing.assert_allclose(targets(gait, (0.375, 1.125))["body"][:, 1], (0.025, -0.025), atol=1e-12)
+    np.testing.assert_allclose(
+        targets(gait, (0.375, 1.125))["body"][:, 1], (0.025, -0.025), atol=1e-12
+    )
 
 
 @pytest.mark.parametrize("depth", [0.0, 0.0025])
@@ -212,7 +242,9 @@ def test_initial_state_matches_the_targets(robot, gait, depth):
     np.testing.assert_array_equal(v[3:6], 0.0)
     np.testing.assert_allclose(q[:2], target["body"][:2], atol=1e-15)
     np.testing.assert_allclose(feet - q[:3], target["foot_position"], atol=1e-12)
-    np.testing.assert_allclose(jacobian @ v, target["body"][3:6] + target["foot_velocity"], atol=1e-12)
+    np.testing.assert_allclose(
+        jacobian @ v, target["body"][3:6] + target["foot_velocity"], atol=1e-12
+    )
     assert feet[:, 2].min() == pytest.approx(-depth, abs=1e-12)
     assert np.all(q[7:] >= robot.joint_lower)
     assert np.all(q[7:] <= robot.joint_upper)
@@ -227,7 +259,9 @@ def test_standing(robot):
     np.testing.assert_array_equal(first["stance"], [1, 1])
     np.testing.assert_array_equal(first["body"], [0, 0, 0.6, 0, 0, 0, 0, 0, 0])
     np.testing.assert_array_equal(first["foot_velocity"], 0.0)
-    np.testing.assert_allclose(first["foot_position"][:, 1], gait.parameters.width * np.array([1, -1]))
+    np.testing.assert_allclose(
+        first["foot_position"][:, 1], gait.parameters.width * np.array([1, -1])
+    )
     q, v = gait.initial_state()
     np.testing.assert_array_equal(v, 0.0)
     np.testing.assert_allclose(q[7:10] * [-1, 1, 1], q[10:13], atol=1e-15)
@@ -235,7 +269,13 @@ def test_standing(robot):
 
 @pytest.mark.parametrize(
     "parameters",
-    [{"height": 0.85}, {"height": 0.35, "clearance": 0.0}, {"speed": 2.0}, {"clearance": 0.4}, {"width": 0.6}],
+    [
+        {"height": 0.85},
+        {"height": 0.35, "clearance": 0.0},
+        {"speed": 2.0},
+        {"clearance": 0.4},
+        {"width": 0.6},
+    ],
     ids=str,
 )
 def test_out_of_reach(robot, parameters):
@@ -250,7 +290,9 @@ def test_joint_limits_count_as_reach(urdf_with):
 
 
 def test_the_offset_is_the_depth_of_one_foot_under_the_weight(robot):
-    """The tuned 5 mm to the last bit on the ground it was tuned on; elsewhere in proportion to load and softness."""
+    """The tuned 5 mm to the last bit on the ground it was tuned on; elsewhere in proportion to load
+    and softness.
+    """
     assert make_gait(robot).parameters.penetration_offset == 0.005
     for stiffness in (4e3, 4e4, 8e4):
         offset = make_gait(robot, stiffness=stiffness).parameters.penetration_offset

@@ -1,4 +1,6 @@
-"""Gaits laid over ground that is not flat: where feet and body are, how they begin, and the walks that they make."""
+"""Gaits laid over ground that is not flat: where feet and body are, how they begin, and the walks
+that they make.
+"""
 
 from __future__ import annotations
 
@@ -20,19 +22,29 @@ from harpy_pin.log.measures import measure
 from harpy_pin.scenario import build
 
 ROBOT = hp.load_harpy()
-TERRAINS = (Plane(slope=0.3, heading=0.4), Rough(amplitude=0.03, resolution=0.2), Stairs(rise=0.05, start=0.3))
+TERRAINS = (
+    Plane(slope=0.3, heading=0.4),
+    Rough(amplitude=0.03, resolution=0.2),
+    Stairs(rise=0.05, start=0.3),
+)
 
 
 @pytest.mark.parametrize("terrain", TERRAINS, ids=lambda terrain: terrain.name)
 def test_feet_are_as_high_above_the_ground_as_on_flat_ground(terrain):
-    """Or higher, in the air. Stance feet are where they are on flat ground, except on stairs those beside a riser."""
+    """Or higher, in the air. Stance feet are where they are on flat ground, except on stairs those
+    beside a riser.
+    """
     flat, over, rows = hp.make_gait(ROBOT), OnTerrain(hp.make_gait(ROBOT), terrain), []
     for t in np.arange(0.003, 6.0, 0.007):
         a, b = flat.update(float(t)), over.update(float(t))
         both = (one.body[:3] + one.foot_position for one in (a, b))
-        rows.append((*both, a.stance == 0.0, b.stance > 0.0, b.normal.copy(), b.ground_height.copy()))
+        rows.append(
+            (*both, a.stance == 0.0, b.stance > 0.0, b.normal.copy(), b.ground_height.copy())
+        )
     on_flat, on_terrain, lifted, down, normal, ground = map(np.array, zip(*rows, strict=True))
-    assert (np.abs(on_terrain - on_flat)[..., :2] <= (0.0625 if isinstance(terrain, Stairs) else 1e-12)).all()
+    assert (
+        np.abs(on_terrain - on_flat)[..., :2] <= (0.0625 if isinstance(terrain, Stairs) else 1e-12)
+    ).all()
     x, y, z = on_terrain[down].T
     np.testing.assert_allclose(z, on_flat[down, 2] + terrain.height(x, y), atol=1e-12)
     np.testing.assert_allclose(normal[down], terrain.normal(x, y), atol=1e-12)
@@ -44,7 +56,8 @@ def test_feet_are_as_high_above_the_ground_as_on_flat_ground(terrain):
 
 
 @pytest.mark.parametrize(
-    "name", ["harpy", pytest.param("go2", marks=needs_robots), pytest.param("g1", marks=needs_robots)]
+    "name",
+    ["harpy", pytest.param("go2", marks=needs_robots), pytest.param("g1", marks=needs_robots)],
 )
 def test_it_begins_with_its_feet_on_the_ground(name):
     terrain = Plane(slope=0.1, heading=0.6)
@@ -54,12 +67,16 @@ def test_it_begins_with_its_feet_on_the_ground(name):
     below = places(robot, flat.initial_state(penetration=0.003)[0])
     feet = places(robot, q)
     height = terrain.height(feet[:, 0], feet[:, 1])
-    within = 1e-9 if not robot.flat_feet else 2e-3  # soles turn about two axes, their corners cannot all be there
+    within = (
+        1e-9 if not robot.flat_feet else 2e-3
+    )  # soles turn about two axes, their corners cannot all be there
     np.testing.assert_allclose(feet[:, 2] - height, below[:, 2], atol=within)
     np.testing.assert_allclose(feet[:, :2], below[:, :2], atol=within)
     np.testing.assert_array_equal(v, 0.0)
     up = pin.Quaternion(*q[[6, 3, 4, 5]]).matrix()[:, 2]
-    np.testing.assert_allclose(up, terrain.normal(0.0, 0.0) if name == "go2" else (0.0, 0.0, 1.0), atol=1e-12)
+    np.testing.assert_allclose(
+        up, terrain.normal(0.0, 0.0) if name == "go2" else (0.0, 0.0, 1.0), atol=1e-12
+    )
 
 
 @needs_robots
@@ -70,7 +87,11 @@ def test_g1_walks_up_across_and_down_15_degrees(degrees):
     Upwards, its ankles come to their ends, and the feet slip more.
     """
     pytest.importorskip("mujoco")
-    ground = hp.Ground(terrain=Plane(slope=np.deg2rad(15.0), heading=np.deg2rad(degrees)), mu_s=0.6, stiffness=1.6e5)
+    ground = hp.Ground(
+        terrain=Plane(slope=np.deg2rad(15.0), heading=np.deg2rad(degrees)),
+        mu_s=0.6,
+        stiffness=1.6e5,
+    )
     gait = hp.Walking(velocity=(0.15, 0, 0))
     run = walked(robot="g1", gait=gait, ground=ground, plant="mujoco", duration=4.0)
     assert run.ending == "completed"
@@ -103,7 +124,9 @@ def test_harpy_walks(most, settings):
 
 
 def test_harpy_climbs_stairs():
-    """Ten steps of 5 cm; it is up where its body is as high above the last tread as it was above the ground."""
+    """Ten steps of 5 cm; it is up where its body is as high above the last tread as it was above
+    the ground.
+    """
     stairs = Stairs(rise=0.05, depth=0.3, start=0.3, steps=10)
     run = walked(ground=hp.Ground(terrain=stairs, mu_s=0.6), duration=12.0)
     assert run.ending == "completed"
@@ -115,7 +138,9 @@ def test_harpy_climbs_stairs():
 @pytest.mark.parametrize("degrees", [10.0, 20.0, -20.0])
 def test_go2_trots_on_a_ramp(degrees):
     ground = hp.Ground(slope=np.radians(degrees), mu_s=0.6, stiffness=75e3)
-    run = walked(robot="go2", ground=ground, gait=hp.Walking(velocity=(0.4, 0.0, 0.0)), duration=3.0)
+    run = walked(
+        robot="go2", ground=ground, gait=hp.Walking(velocity=(0.4, 0.0, 0.0)), duration=3.0
+    )
     assert run.ending == "completed"
     assert run["q"][-1, 0] > 0.7
     assert measure(run).slip_mm_per_step < 1.0
@@ -130,7 +155,9 @@ def test_four_headings_give_equal_walks():
         made = build(hp.Scenario(robot="go2", ground=ground, duration=1.0))
         q, v = made.simulator.q.copy(), made.simulator.v.copy()
         if heading:
-            upright = build(hp.Scenario(robot="go2", ground=hp.Ground(slope=0.2, mu_s=0.6, stiffness=75e3)))
+            upright = build(
+                hp.Scenario(robot="go2", ground=hp.Ground(slope=0.2, mu_s=0.6, stiffness=75e3))
+            )
             q = upright.simulator.q.copy()
             turn = pin.Quaternion(pin.exp3(np.array((0.0, 0.0, heading))))
             q[:3] = turn.matrix() @ q[:3]
@@ -149,9 +176,14 @@ def test_four_headings_give_equal_walks():
 @needs_robots
 def test_a_gait_of_ones_own_is_laid_over_the_ground():
     """It walks as that of the scenario does, on stairs where it falls blind."""
-    ground, trot = hp.Ground(mu_s=0.6, terrain=Stairs(rise=0.06)), hp.WalkingGait(hp.load_robot("go2"))
+    ground, trot = (
+        hp.Ground(mu_s=0.6, terrain=Stairs(rise=0.06)),
+        hp.WalkingGait(hp.load_robot("go2")),
+    )
     trot.command[0] = 0.4
-    scenario = hp.Scenario(robot="go2", ground=ground, duration=5.0, gait=hp.Walking(velocity=(0.4, 0.0, 0.0)))
+    scenario = hp.Scenario(
+        robot="go2", ground=ground, duration=5.0, gait=hp.Walking(velocity=(0.4, 0.0, 0.0))
+    )
     expected, run = hp.walk(scenario), hp.walk(scenario, gait=trot)
     assert run.ending == "completed"
     assert run["q"][-1, 2] > run["q"][0, 2] + 0.1
@@ -161,7 +193,10 @@ def test_a_gait_of_ones_own_is_laid_over_the_ground():
 
 def test_a_gait_over_flat_ground_of_its_own_walks_blind():
     """Harpy crosses rough ground of 2 cm by touch."""
-    rough, blind = Rough(amplitude=0.02, resolution=0.2, seed=1), OnTerrain(hp.make_gait(ROBOT), Plane(slope=0.0))
+    rough, blind = (
+        Rough(amplitude=0.02, resolution=0.2, seed=1),
+        OnTerrain(hp.make_gait(ROBOT), Plane(slope=0.0)),
+    )
     run = walked(blind, terrain=rough, mu_s=0.6, duration=3.0)
     assert run.ending == "completed"
     flat = hp.make_gait(ROBOT)
@@ -182,7 +217,14 @@ def test_harpy_feels_an_unknown_slope(degrees):
 def test_go2_feels_an_unknown_ramp():
     gait = hp.WalkingGait(hp.load_robot("go2"), velocity=(0.4, 0.0, 0.0))
     felt = OnFeltGround(gait)
-    run = walked(felt, robot="go2", terrain=Ramp(slope=np.radians(10.0)), mu_s=0.6, stiffness=75e3, duration=3.0)
+    run = walked(
+        felt,
+        robot="go2",
+        terrain=Ramp(slope=np.radians(10.0)),
+        mu_s=0.6,
+        stiffness=75e3,
+        duration=3.0,
+    )
     assert run.ending == "completed"
     assert run["q"][-1, 0] > 0.75
     np.testing.assert_allclose(np.arctan(felt.slope), (np.radians(10.0), 0.0), atol=0.03)
@@ -205,12 +247,16 @@ FRICTION = 0.2
 def test_weight_and_thrust_along_the_slope_leave_no_moment_about_the_feet(heading):
     """With as much of the weight on friction as its share."""
     angle = np.radians(25.0)
-    gait = OnTerrain(hp.make_gait(ROBOT, speed=0.0), Plane(slope=angle, heading=heading), friction=FRICTION)
+    gait = OnTerrain(
+        hp.make_gait(ROBOT, speed=0.0), Plane(slope=angle, heading=heading), friction=FRICTION
+    )
     q = gait.initial_state()[0]
     middle = places(ROBOT, q).mean(axis=0)
     mass = pin.centerOfMass(ROBOT.model, ROBOT.model.createData(), q) - middle
     arm = places(ROBOT, q, ROBOT.thrusters).mean(axis=0) - middle
-    uphill = np.array((np.cos(heading) * np.cos(angle), np.sin(heading) * np.cos(angle), np.sin(angle)))
+    uphill = np.array(
+        (np.cos(heading) * np.cos(angle), np.sin(heading) * np.cos(angle), np.sin(angle))
+    )
     thrust = (np.sin(angle) - FRICTION_SHARE * FRICTION * np.cos(angle)) * uphill
     moment = np.cross(mass, (0.0, 0.0, -1.0)) + np.cross(arm, thrust)  # per newton of weight
     across = np.array((-np.sin(heading), np.cos(heading), 0.0))
@@ -223,17 +269,25 @@ def test_targets_are_where_body_and_feet_begin():
     gait = OnTerrain(hp.make_gait(ROBOT), STEEP, friction=FRICTION)
     away = gait.describe()["on_terrain"]["offset"]
     assert float(STEEP.height(*away[:2])) == pytest.approx(away[2])
-    np.testing.assert_allclose(gait.initial_state()[0][:3], flat.initial_state()[0][:3] + away, atol=1e-12)
+    np.testing.assert_allclose(
+        gait.initial_state()[0][:3], flat.initial_state()[0][:3] + away, atol=1e-12
+    )
     for t in (0.0, 0.4, 1.1):
         a, b = flat.update(t), gait.update(t)
         np.testing.assert_allclose(b.body[:3], a.body[:3] + away, atol=1e-12)
-        np.testing.assert_allclose(b.body[:3] + b.foot_position, a.body[:3] + a.foot_position, atol=1e-12)
+        np.testing.assert_allclose(
+            b.body[:3] + b.foot_position, a.body[:3] + a.foot_position, atol=1e-12
+        )
         np.testing.assert_array_equal(b.foot_velocity, a.foot_velocity)
 
 
 @pytest.mark.parametrize(
     ("terrain", "friction"),
-    [(STEEP, None), (STEEP, 1.01 * np.tan(np.radians(25.0)) / FRICTION_SHARE), (Ramp(slope=0.4), FRICTION)],
+    [
+        (STEEP, None),
+        (STEEP, 1.01 * np.tan(np.radians(25.0)) / FRICTION_SHARE),
+        (Ramp(slope=0.4), FRICTION),
+    ],
     ids=["friction not given", "enough friction", "no plane"],
 )
 def test_it_stays_above_its_feet_otherwise(terrain, friction):
@@ -251,7 +305,9 @@ def test_harpy_walks_where_friction_holds_a_sixth_of_what_it_must(plant):
 
 
 AWAY = 0.02
-"""Distance of a foothold from a riser, m: the margin, less the way on which a riser rises by as much."""
+"""Distance of a foothold from a riser, m: the margin, less the way on which a riser rises by as
+much.
+"""
 starts = st.floats(0.3, 0.6)
 rises = st.sampled_from((0.05, -0.05))
 
@@ -265,8 +321,9 @@ def to_risers(stairs: Stairs, x: float) -> float:
 @given(start=starts, rise=rises)
 @settings(max_examples=10, deadline=None)
 def test_footholds_keep_their_distance_from_risers(start, rise):
-    """That of a stance foot, after its first swing; it stays in the world, and its walk is that of flat ground where no
-    riser is near."""
+    """That of a stance foot, after its first swing; it stays in the world, and its walk is that of
+    flat ground where no riser is near.
+    """
     stairs = Stairs(rise=rise, depth=0.3, start=start)
     flat, gait = hp.make_gait(ROBOT), OnTerrain(hp.make_gait(ROBOT), stairs)
     at = np.full(2, np.nan)
@@ -284,17 +341,26 @@ def test_footholds_keep_their_distance_from_risers(start, rise):
             at[k] = x
 
 
-@pytest.mark.parametrize("terrain", [TERRAINS[0], Stairs(rise=0.05, depth=0.3, start=0.47)], ids=("plane", "riser"))
+@pytest.mark.parametrize(
+    "terrain", [TERRAINS[0], Stairs(rise=0.05, depth=0.3, start=0.47)], ids=("plane", "riser")
+)
 def test_targets_move_as_their_velocities_say(terrain):
-    """Places are the integral of velocities, these of accelerations; beside a riser along the ground, without jumps."""
+    """Places are the integral of velocities, these of accelerations; beside a riser along the
+    ground, without jumps.
+    """
     gait, step, rows = OnTerrain(hp.make_gait(ROBOT), terrain), 1e-4, []
     for t in np.arange(0.5, 4.0, step):
         target = gait.update(float(t))
         body = target.body.reshape(3, 1, 3)
-        feet = np.stack((target.foot_position, target.foot_velocity, target.foot_acceleration)) + body
+        feet = (
+            np.stack((target.foot_position, target.foot_velocity, target.foot_acceleration)) + body
+        )
         rows.append(np.concatenate((body, feet), axis=1))
     place, velocity, acceleration = np.moveaxis(rows, 1, 0)
-    for value, rate, axes in ((place, velocity, 3 if terrain.name == "plane" else 2), (velocity, acceleration, 2)):
+    for value, rate, axes in (
+        (place, velocity, 3 if terrain.name == "plane" else 2),
+        (velocity, acceleration, 2),
+    ):
         sums = step * np.cumsum(0.5 * (rate[1:] + rate[:-1]), axis=0)
         np.testing.assert_allclose((value[1:] - value[0])[..., :axes], sums[..., :axes], atol=5e-3)
     assert np.abs(np.diff(place[..., 2], axis=0)).max() < 2.5 * step  # 2.5 m/s
@@ -307,7 +373,9 @@ def test_the_way_over_steps_is_the_lowest_that_is_not_too_steep(x, start, rise):
     stairs = Stairs(rise=rise, depth=0.3, start=start)
     dx = np.linspace(-RADIUS, RADIUS, 24001)
     around = stairs.height(x + dx, 0.0 * dx)
-    assert way_over(stairs.record, x, 0.0)[0] == pytest.approx((around - STEEPEST * np.abs(dx)).max(), abs=2e-4)
+    assert way_over(stairs.record, x, 0.0)[0] == pytest.approx(
+        (around - STEEPEST * np.abs(dx)).max(), abs=2e-4
+    )
 
 
 BETWEEN = [(rise, start) for rise in (0.05, -0.05) for start in (0.5, 0.56)]
@@ -317,13 +385,24 @@ BETWEEN = [(rise, start) for rise in (0.05, -0.05) for start in (0.5, 0.56)]
     ("plant", "rise", "start"),
     [
         *(("compliant", rise, start) for rise in (0.05, -0.05) for start in (0.52, 0.58)),
-        *(pytest.param("mujoco", *where, marks=needs_mujoco) for where in ((0.05, 0.52), (-0.05, 0.58))),
-        *(pytest.param("mujoco", *where, marks=[needs_mujoco, pytest.mark.long]) for where in BETWEEN),
+        *(
+            pytest.param("mujoco", *where, marks=needs_mujoco)
+            for where in ((0.05, 0.52), (-0.05, 0.58))
+        ),
+        *(
+            pytest.param("mujoco", *where, marks=[needs_mujoco, pytest.mark.long])
+            for where in BETWEEN
+        ),
         *(pytest.param("compliant", *where, marks=pytest.mark.long) for where in BETWEEN),
     ],
 )
 def test_harpy_slips_little_on_stairs_wherever_they_begin(plant, rise, start):
-    run = walked(terrain=Stairs(rise=rise, depth=0.3, start=start, steps=4), mu_s=0.6, duration=7.0, plant=plant)
+    run = walked(
+        terrain=Stairs(rise=rise, depth=0.3, start=start, steps=4),
+        mu_s=0.6,
+        duration=7.0,
+        plant=plant,
+    )
     assert run.ending == "completed"
     assert measure(run).slip_mm_per_step < 1.0
 
@@ -331,7 +410,9 @@ def test_harpy_slips_little_on_stairs_wherever_they_begin(plant, rise, start):
 @pytest.mark.parametrize(("rise", "start"), [(0.05, 0.59), (-0.05, 0.59), (-0.05, 0.74)])
 def test_a_commanded_walk_keeps_off_risers_and_stops_on_stairs(rise, start):
     stairs = Stairs(rise=rise, depth=0.3, start=start, steps=10)
-    gait = OnTerrain(hp.make_commanded_gait(ROBOT, [(0.0, 0.3, 0.0, 0.05), (7.0, 0.0, 0.0, 0.0)]), stairs)
+    gait = OnTerrain(
+        hp.make_commanded_gait(ROBOT, [(0.0, 0.3, 0.0, 0.05), (7.0, 0.0, 0.0, 0.0)]), stairs
+    )
     run = walked(gait, terrain=stairs, mu_s=0.6, duration=11.0)
     assert run.ending == "completed"
     assert measure(run).slip_mm_per_step < 1.0

@@ -1,4 +1,6 @@
-"""Gaits of one's own: a wrapper walks as what it wraps under every controller, and what is no gait is refused."""
+"""Gaits of one's own: a wrapper walks as what it wraps under every controller, and what is no gait
+is refused.
+"""
 
 from dataclasses import replace
 
@@ -10,7 +12,10 @@ import harpy_pin as hp
 from harpy_pin.gaits import GaitTarget
 
 ROBOT = hp.load_harpy()
-EXACT = {"solver": "daqp", "formulation": "contact_force"}  # ProxQP's last digits depend on where its memory lies
+EXACT = {
+    "solver": "daqp",
+    "formulation": "contact_force",
+}  # ProxQP's last digits depend on where its memory lies
 CONTROLLERS = {
     "ungoverned": hp.Governed(governor="none"),
     "paper": hp.Governed(governor="paper"),

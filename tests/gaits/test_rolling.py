@@ -1,4 +1,6 @@
-"""Soles that roll over an edge before they are lifted: their targets, what controllers make of them, and walks."""
+"""Soles that roll over an edge before they are lifted: their targets, what controllers make of
+them, and walks.
+"""
 
 import numpy as np
 import pinocchio as pin
@@ -18,7 +20,10 @@ H = 1e-3
 
 def pitches(gait, q):
     """How far each sole is turned heel up, rad."""
-    own, height = gait.record[0]["own"][:, 0].reshape(2, -1), places(gait.robot, q)[:, 2].reshape(2, -1)
+    own, height = (
+        gait.record[0]["own"][:, 0].reshape(2, -1),
+        places(gait.robot, q)[:, 2].reshape(2, -1),
+    )
     ahead = own - own.mean(axis=1, keepdims=True)
     rise = (ahead * height).sum(axis=1) / (ahead**2).sum(axis=1)  # of the line through the corners
     return -np.arcsin(np.clip(rise, -1.0, 1.0))
@@ -31,16 +36,21 @@ def test_soles_are_seen_in_their_own_axes(turned, order):
     straight = np.array(((0.1, 0.03), (0.1, -0.03), (-0.1, 0.03), (-0.1, -0.03)))[list(order)]
     corner = np.concatenate((straight @ ((c, s), (-s, c)), straight, np.zeros((1, 2))))
     own, askew = soles_of(corner, np.repeat((0, 1, 2), (4, 4, 1)))
-    np.testing.assert_allclose(own, np.concatenate((straight, straight, np.zeros((1, 2)))), atol=1e-12)
+    np.testing.assert_allclose(
+        own, np.concatenate((straight, straight, np.zeros((1, 2)))), atol=1e-12
+    )
     np.testing.assert_allclose(askew, (turned, 0.0, 0.0), atol=1e-12)
 
 
 @needs_robots
 @pytest.mark.parametrize(
-    ("name", "velocity"), [("g1", (0.6, 0.0, 0.4)), ("icub", (0.4, 0.05, 0.0)), ("talos", (-0.4, 0, 0))]
+    ("name", "velocity"),
+    [("g1", (0.6, 0.0, 0.4)), ("icub", (0.4, 0.05, 0.0)), ("talos", (-0.4, 0, 0))],
 )
 def test_targets_of_a_sole_are_those_of_a_rigid_body_in_one_motion(name, velocity):
-    """From where it begins to roll until it lands: places, velocities and accelerations fit, and shape stays."""
+    """From where it begins to roll until it lands: places, velocities and accelerations fit, and
+    shape stays.
+    """
     robot = hp.load_robot(name)
     gait = hp.WalkingGait(robot, velocity=velocity)
     p, o, points = gait.record[0], gait.target, int(robot.corners[0])
@@ -61,13 +71,21 @@ def test_targets_of_a_sole_are_those_of_a_rigid_body_in_one_motion(name, velocit
             velocity = (o.body[3:6] + o.foot_velocity)[own]
             acceleration = (o.body[6:] + o.foot_acceleration)[own]
             distance = np.linalg.norm(place[:, None] - place[None], axis=2)
-            np.testing.assert_allclose(distance, shape, atol=1e-3 if p["in_air"][k] == 0.0 else 1e-6)
+            np.testing.assert_allclose(
+                distance, shape, atol=1e-3 if p["in_air"][k] == 0.0 else 1e-6
+            )
             if p["in_air"][k] == 0.0:
                 rolled += 1
                 assert (o.stance[own] == np.where(lifted, 0.0, 1.0)).all()
-                velocity, acceleration, place = velocity[lifted], acceleration[lifted], place[lifted]
+                velocity, acceleration, place = (
+                    velocity[lifted],
+                    acceleration[lifted],
+                    place[lifted],
+                )
             if k in before and before[k][0].shape == place.shape:
-                np.testing.assert_allclose(place - before[k][0], 0.5 * H * (velocity + before[k][1]), atol=3e-4)
+                np.testing.assert_allclose(
+                    place - before[k][0], 0.5 * H * (velocity + before[k][1]), atol=3e-4
+                )
                 error = velocity - before[k][1] - 0.5 * H * (acceleration + before[k][2])
                 assert np.abs(error).max() < 0.15
             before[k] = place, velocity, acceleration
@@ -80,8 +98,9 @@ def test_targets_of_a_sole_are_those_of_a_rigid_body_in_one_motion(name, velocit
 @needs_robots
 @pytest.mark.parametrize("name", ["g1", "talos"])
 def test_torques_turn_a_rolling_sole_about_its_edge(name):
-    """On rigid ground that holds only its edge, Pinocchio's accelerations are those that were asked for, as nearly as
-    corners of a rigid body can follow; and the QP has the same torques."""
+    """On rigid ground that holds only its edge, Pinocchio's accelerations are those that were asked
+    for, as nearly as corners of a rigid body can follow; and the QP has the same torques.
+    """
     robot = hp.load_robot(name)
     speed = 0.8 * hp.WalkingGait(robot).max_speed
     gaits = [hp.WalkingGait(robot, velocity=(speed, 0.0, 0.0)) for _ in range(3)]
@@ -96,13 +115,17 @@ def test_torques_turn_a_rolling_sole_about_its_edge(name):
         lifted = (targets.held != 0.0) & (law.gait.target.load == 0.0)
         if state.t < 1.5 or not lifted.any():
             return
-        np.testing.assert_allclose(qp.torque, command.torque, atol=1e-3 * np.abs(command.torque).max())
+        np.testing.assert_allclose(
+            qp.torque, command.torque, atol=1e-3 * np.abs(command.torque).max()
+        )
         touching, desired = (targets.held != 0.0) & ~lifted, targets.feet
         jacobian, drift = frame_terms(robot.model, robot.feet, state.q, state.v)
         held, nv = jacobian[touching].reshape(-1, robot.model.nv), robot.model.nv
         drive = np.array((*np.zeros(6), *command.torque)) - robot.model.damping * state.v
         drive -= pin.nonLinearEffects(robot.model, robot.model.createData(), state.q, state.v)
-        whole = np.block([[mass_matrix(robot.model, state.q), held.T], [held, np.zeros((len(held), len(held)))]])
+        whole = np.block(
+            [[mass_matrix(robot.model, state.q), held.T], [held, np.zeros((len(held), len(held)))]]
+        )
         right = np.concatenate((drive, (desired - drift)[touching].ravel()))
         acceleration = np.linalg.lstsq(whole, right)[0][:nv]
         errors.append(np.abs((jacobian @ acceleration + drift - desired)[lifted]).max())
@@ -116,7 +139,12 @@ def test_torques_turn_a_rolling_sole_about_its_edge(name):
 @needs_robots
 @pytest.mark.parametrize(
     ("name", "speed", "plant"),
-    [("g1", 0.75, "compliant"), ("talos", 0.9, "mujoco"), ("icub", 0.45, "compliant"), ("g1", -0.4, "mujoco")],
+    [
+        ("g1", 0.75, "compliant"),
+        ("talos", 0.9, "mujoco"),
+        ("icub", 0.45, "compliant"),
+        ("g1", -0.4, "mujoco"),
+    ],
 )
 def test_a_walk_rolls_over_its_toes_and_hardly_slips(name, speed, plant):
     """Or over its heels, backward; while the other foot is down, and flat when it lands."""
@@ -146,7 +174,10 @@ def test_a_walk_rolls_over_its_toes_and_hardly_slips(name, speed, plant):
 @needs_robots
 def test_soles_stay_flat_where_steps_have_no_length_and_on_slopes():
     robot = hp.load_robot("g1")
-    for velocity, terrain, most in (((0.0, 0.0, 0.0), None, 0.02), ((0.2, 0.0, 0.0), Plane(slope=0.1), 0.0)):
+    for velocity, terrain, most in (
+        ((0.0, 0.0, 0.0), None, 0.02),
+        ((0.2, 0.0, 0.0), Plane(slope=0.1), 0.0),
+    ):
         gait, seen = hp.WalkingGait(robot, "step", velocity=velocity), []
         run = walk(
             gait,
@@ -183,7 +214,11 @@ def test_soles_that_point_outward_roll_about_their_own_edges():
 def test_a_walk_that_begins_anew_stands_on_whole_soles():
     gait = hp.WalkingGait(hp.load_robot("g1"), velocity=(0.5, 0.0, 0.0))
     states = []
-    walk(gait, duration=1.5, on_tick=lambda state: states.append(state) if gait.target.load.min() == 0.0 else None)
+    walk(
+        gait,
+        duration=1.5,
+        on_tick=lambda state: states.append(state) if gait.target.load.min() == 0.0 else None,
+    )
     gait.observe(states[-1])
     gait.command[:] = 0.0
     gait.update(0.0)

@@ -1,4 +1,6 @@
-"""Standing on any number of feet: the targets, and the condensed controller beside the QP on other robots."""
+"""Standing on any number of feet: the targets, and the condensed controller beside the QP on other
+robots.
+"""
 
 from __future__ import annotations
 
@@ -36,13 +38,19 @@ def solo() -> hp.Robot:
 
 @needs_robots
 def test_targets_are_smooth_and_keep_the_feet_in_place(solo):
-    gait = hp.Standing(solo, SOLO, shift=(0.02, -0.01, 0.015), shift_period=1.5, penetration_offset=0.004)
+    gait = hp.Standing(
+        solo, SOLO, shift=(0.02, -0.01, 0.015), shift_period=1.5, penetration_offset=0.004
+    )
     on_ground, h = [], 1e-5
     for t in np.linspace(0.0, 3.0, 31):
         before, after = (gait.update(float(t + s)).body.copy() for s in (-h, h))
         target = gait.update(float(t))
-        np.testing.assert_allclose((after[:3] - before[:3]) / (2.0 * h), target.body[3:6], atol=1e-8)
-        np.testing.assert_allclose((after[3:6] - before[3:6]) / (2.0 * h), target.body[6:], atol=1e-7)
+        np.testing.assert_allclose(
+            (after[:3] - before[:3]) / (2.0 * h), target.body[3:6], atol=1e-8
+        )
+        np.testing.assert_allclose(
+            (after[3:6] - before[3:6]) / (2.0 * h), target.body[6:], atol=1e-7
+        )
         on_ground.append(target.body[:3] + target.foot_position)
         np.testing.assert_array_equal(target.foot_velocity, np.tile(-target.body[3:6], (4, 1)))
         np.testing.assert_array_equal(target.foot_acceleration, np.tile(-target.body[6:], (4, 1)))
@@ -78,14 +86,21 @@ def test_bad_input(solo, posture, more):
 
 @needs_robots
 def test_four_feet_optimum_is_that_of_the_whole_body_program(solo):
-    """In every support from none to four feet: the same forces and torques; always inside pyramids and ranges."""
+    """In every support from none to four feet: the same forces and torques; always inside pyramids
+    and ranges.
+    """
     rng, standing = np.random.default_rng(0), hp.Standing(solo, SOLO).initial_state()[0]
     states = [
-        (pin.integrate(solo.model, standing, 0.1 * rng.standard_normal(18)), 0.3 * rng.standard_normal(18))
+        (
+            pin.integrate(solo.model, standing, 0.1 * rng.standard_normal(18)),
+            0.3 * rng.standard_normal(18),
+        )
         for _ in range(160)
     ]
     how = {"spread": 3.0, "most": 60.0}
-    _, binding = same_optimum(solo, states, WEIGHTS, WholeBodyLimits(mu=0.4), ("input_space",), **how)
+    _, binding = same_optimum(
+        solo, states, WEIGHTS, WholeBodyLimits(mu=0.4), ("input_space",), **how
+    )
     assert binding > 35
 
 
@@ -105,11 +120,15 @@ def test_late_feet_land(solo):
 
 @needs_robots
 def test_two_feet_with_thrusters_stand():
-    """Bolt with thrusters at its shoulders, where it could not stay upright on two points without them."""
+    """Bolt with thrusters at its shoulders, where it could not stay upright on two points without
+    them.
+    """
     thrusters = ("FL_SHOULDER", "FR_SHOULDER")
     bolt = hp.load_robot("bolt", thrusters=thrusters, thrust_limit=20.0)
     gait = hp.Standing(bolt, BOLT, shift=(0.0, 0.01, 0.0))
-    parts = [{"name": name, "parameters": {**LIGHT, **own_search(name)}} for name in ("condensed", "wbc")]
+    parts = [
+        {"name": name, "parameters": {**LIGHT, **own_search(name)}} for name in ("condensed", "wbc")
+    ]
     pushes = (hp.Push(0.3, (0.1, 0.2, 0.0)),)
     runs = [walked(gait, controller=part, mu_s=0.4, duration=1.5, pushes=pushes) for part in parts]
     assert runs[0].ending == runs[1].ending == "completed"
@@ -118,7 +137,9 @@ def test_two_feet_with_thrusters_stand():
 
 @needs_robots
 def test_straight_legs_give_numbers_within_every_limit(solo):
-    """A straight knee leaves its limb singular: the foot is not held exactly, but what is commanded is bounded."""
+    """A straight knee leaves its limb singular: the foot is not held exactly, but what is commanded
+    is bounded.
+    """
     dynamics, rng = hp.Dynamics(solo), np.random.default_rng(1)
     limits = WholeBodyLimits(mu=0.4)
     law = CondensedSolver(solo, WEIGHTS, limits)
@@ -149,7 +170,9 @@ def test_legs_without_a_foot_are_like_arms():
 
 @needs_robots
 def test_moves_are_smooth_and_end_at_rest(solo):
-    """Position, velocity and acceleration fit each other and have no jump, also where one move begins in another."""
+    """Position, velocity and acceleration fit each other and have no jump, also where one move
+    begins in another.
+    """
     gait, h = hp.Standing(solo, SOLO, shift=(0.01, 0.0, 0.0), shift_period=0.9), 1e-5
     start = gait.update(0.0).body[:3].copy()
     end = gait.over(0, 1)
@@ -184,7 +207,9 @@ def test_over_is_where_the_centre_of_mass_has_to_go(solo):
     q, _ = gait.initial_state()
     centre = pin.centerOfMass(solo.model, solo.model.createData(), q)
     np.testing.assert_allclose((centre + gait.over(2) - places(solo, q)[2])[:2], 0.0, atol=1e-12)
-    np.testing.assert_allclose(gait.over(0, 1, 2, 3), np.mean([gait.over(k) for k in range(4)], axis=0), atol=1e-15)
+    np.testing.assert_allclose(
+        gait.over(0, 1, 2, 3), np.mean([gait.over(k) for k in range(4)], axis=0), atol=1e-15
+    )
 
 
 @needs_robots
@@ -210,9 +235,13 @@ REQUIRED = (*ALWAYS, "solo12", "go2", "anymal_b", "talos")
 
 @needs_robots
 def test_soles_stand_on_the_ground_that_a_scenario_gives_them():
-    """For a while: on ground that is as soft as for points soles rock, and G1 falls after two seconds."""
+    """For a while: on ground that is as soft as for points soles rock, and G1 falls after two
+    seconds.
+    """
     gait = hp.Standing(hp.load_robot("g1"))
-    run = hp.walk(hp.Scenario(controller="condensed", ground=hp.Ground(mu_s=0.6), duration=3.0), gait=gait)
+    run = hp.walk(
+        hp.Scenario(controller="condensed", ground=hp.Ground(mu_s=0.6), duration=3.0), gait=gait
+    )
     assert stood(run)
     assert np.ptp(run["q"][:, 2]) < 1e-3
 
@@ -220,7 +249,9 @@ def test_soles_stand_on_the_ground_that_a_scenario_gives_them():
 @needs_robots
 @pytest.mark.parametrize("name", long_but(REQUIRED, ALWAYS))
 def test_stands_and_takes_a_push(name):
-    """The weight shifted towards a foot, and a push on the base of 0.1 m/s times the mass; both controllers alike."""
+    """The weight shifted towards a foot, and a push on the base of 0.1 m/s times the mass; both
+    controllers alike.
+    """
     robot = hp.load_robot(name)
     assert terms_error(robot, np.random.default_rng(0), states=3) < 1e-9
     runs = {"shift": {"lean": 0.2}, "push": {"push": (0.06, 0.08, 0.0)}}
@@ -232,7 +263,9 @@ def test_stands_and_takes_a_push(name):
             assert 1e3 * run["slip_path"][-1].mean() < 0.5
             assert friction_used(run, robot) < 0.5
             desired, held = run["desired_force"], run["held"] > 0.0
-            outside = np.linalg.norm(desired[held][:, :2], axis=1) - 0.75 * 0.5 * desired[held][:, 2]
+            outside = (
+                np.linalg.norm(desired[held][:, :2], axis=1) - 0.75 * 0.5 * desired[held][:, 2]
+            )
             assert outside.max() < 1e-6 * robot.mass
             moved = run["q"][-1, :2] - run["q"][0, :2]
             if case == "shift":
@@ -244,11 +277,15 @@ def test_stands_and_takes_a_push(name):
 
 
 @needs_robots
-@pytest.mark.parametrize(("speed", "degrees"), long_but([(0.1, 20.0), (0.17, 40.0)], [(0.17, 40.0)]))
+@pytest.mark.parametrize(
+    ("speed", "degrees"), long_but([(0.1, 20.0), (0.17, 40.0)], [(0.17, 40.0)])
+)
 def test_a_push_askew_does_not_tip_the_soles(speed, degrees):
     """The centre of pressure stays inside the soles, so that they neither rock nor walk away."""
     robot, angle = hp.load_robot("g1"), np.deg2rad(degrees)
-    run, _ = run_standing(robot, "condensed", duration=2.0, push=(speed * np.cos(angle), speed * np.sin(angle), 0.0))
+    run, _ = run_standing(
+        robot, "condensed", duration=2.0, push=(speed * np.cos(angle), speed * np.sin(angle), 0.0)
+    )
     assert stood(run)
     places = run["foot_position"].reshape(len(run), 8, 3)
     assert 1e3 * np.linalg.norm(places[-1, :, :2] - places[0, :, :2], axis=1).max() < 2.0
@@ -267,7 +304,9 @@ def test_a_push_askew_does_not_tip_the_soles(speed, degrees):
 def test_an_angle_beyond_its_limits_is_refused_by_name(kind: type) -> None:
     robot = hp.load_robot("go2")
     bent_the_wrong_way = np.tile((0.0, -0.7, 1.4), 4)
-    with pytest.raises(hp.InputError, match=r"'FL_calf_joint' is at 1\.4 rad, .* -2\.7227 to -0\.83776 rad"):
+    with pytest.raises(
+        hp.InputError, match=r"'FL_calf_joint' is at 1\.4 rad, .* -2\.7227 to -0\.83776 rad"
+    ):
         kind(robot, posture=bent_the_wrong_way)
 
 

@@ -1,4 +1,6 @@
-"""Walks on points over stairs and rough ground: where feet are set, what they clear, and where the robot arrives."""
+"""Walks on points over stairs and rough ground: where feet are set, what they clear, and where the
+robot arrives.
+"""
 
 from __future__ import annotations
 
@@ -22,7 +24,9 @@ UPSTAIRS = Stairs(rise=0.08, depth=0.3, steps=4, start=0.5)
 def climbed(terrain: Stairs, **part) -> hp.Run:
     ground = hp.Ground(terrain=terrain, mu_s=0.6, stiffness=75e3)
     gait = hp.Walking(velocity=(0.4, 0.0, 0.0))
-    return hp.walk(hp.Scenario(**{"robot": "go2", "ground": ground, "gait": gait, "duration": 6.5, **part}))
+    return hp.walk(
+        hp.Scenario(**{"robot": "go2", "ground": ground, "gait": gait, "duration": 6.5, **part})
+    )
 
 
 @needs_robots
@@ -32,7 +36,9 @@ def climbed(terrain: Stairs, **part) -> hp.Run:
     ids=["up", "down", "mujoco", "wbc"],
 )
 def test_go2_walks_stairs(rise, part):
-    """Four steps of 8 cm; behind them its body is as high above the last tread as it was above the ground."""
+    """Four steps of 8 cm; behind them its body is as high above the last tread as it was above the
+    ground.
+    """
     if part.get("plant") == "mujoco":
         pytest.importorskip("mujoco")
     stairs = Stairs(rise=rise, depth=0.3, steps=4, start=0.5)
@@ -65,7 +71,9 @@ def test_go2_goes_down_wherever_stairs_begin(start):
 
 @needs_robots
 def test_steps_last_as_long_as_lifting_a_foot_takes():
-    """From rest to rest over h in a time t the least peak of a quintic's acceleration is 10 h / (√3 t²)."""
+    """From rest to rest over h in a time t the least peak of a quintic's acceleration is 10 h / (√3
+    t²).
+    """
     gait = hp.WalkingGait(hp.load_robot("go2"))
     flat = gait.step_duration
     over = OnTerrain(gait, UPSTAIRS)

@@ -38,7 +38,9 @@ def test_its_feet_are_below_its_knees_as_they_are_at_zero(sprawling, rows):
     standing = np.array([data.oMf[robot.frame_id(foot)].translation for foot in feet])
     assert np.ptp(standing[:, 2]) < 1e-4
     pin.framesForwardKinematics(model, data, pin.neutral(model))
-    knees = [data.oMi[model.getJointId(foot.replace("foot", "tibia_joint"))].translation for foot in feet]
+    knees = [
+        data.oMi[model.getJointId(foot.replace("foot", "tibia_joint"))].translation for foot in feet
+    ]
     np.testing.assert_allclose(standing[:, :2], np.array(knees)[:, :2], atol=1e-5)
     assert q[2] - standing[0, 2] == pytest.approx(0.75 * 0.138, abs=1e-5)
 
@@ -60,11 +62,15 @@ def test_by_threes_whatever_the_order_of_its_feet(sprawling, order):
 @pytest.mark.parametrize("controller", ["condensed", "wbc"])
 @pytest.mark.parametrize("velocity", [(0.2, 0.0, 0.0), (0.1, 0.08, 0.4)])
 def test_it_walks_as_commanded_and_never_tips(sprawling, controller, plant, velocity):
-    """The centre of mass stays above the triangle of the feet that are held, in the middle of a step, too."""
+    """The centre of mass stays above the triangle of the feet that are held, in the middle of a
+    step, too.
+    """
     robot = sprawling()
     data = robot.model.createData()
     gait = hp.WalkingGait(robot, velocity=velocity)
-    scenario = hp.Scenario(controller=controller, plant=plant, ground=hp.Ground(mu_s=0.6), duration=3.0)
+    scenario = hp.Scenario(
+        controller=controller, plant=plant, ground=hp.Ground(mu_s=0.6), duration=3.0
+    )
     run = hp.walk(scenario, gait=gait)
     assert run.ending == "completed"
     measured = hp.measure(run)
@@ -90,13 +96,19 @@ def test_it_walks_as_commanded_and_never_tips(sprawling, controller, plant, velo
 
 def test_a_pattern_that_takes_too_many_frames_is_told_its_feet(sprawling):
     robot = sprawling((*FEET, "left_front_tibia"))
-    with pytest.raises(hp.InputError, match=r"no gait is for the 7 feet of 'sprawling': left_front_foot, .*_tibia"):
+    with pytest.raises(
+        hp.InputError, match=r"no gait is for the 7 feet of 'sprawling': left_front_foot, .*_tibia"
+    ):
         hp.Scenario(robot=robot)
 
 
 def test_why_no_posture_was_found(sprawling):
-    with pytest.raises(hp.InputError, match="'left_front_tibia' is on the axis of 'left_front_tibia_joint', which"):
+    with pytest.raises(
+        hp.InputError, match="'left_front_tibia' is on the axis of 'left_front_tibia_joint', which"
+    ):
         hp.Standing(sprawling(tuple(foot.replace("foot", "tibia") for foot in FEET)))
     still = sprawling(limits=(LIMITS[0], (0.0, 0.0), LIMITS[2]))
-    with pytest.raises(hp.InputError, match="6 joints of its legs have no range, such as 'left_front_femur_joint'"):
+    with pytest.raises(
+        hp.InputError, match="6 joints of its legs have no range, such as 'left_front_femur_joint'"
+    ):
         hp.Standing(still)

@@ -1,5 +1,6 @@
-"""Walks of any robot, part by part: pendulum and support beside closed forms and other algorithms, targets beside their
-differences, touchdowns as they happen."""
+"""Walks of any robot, part by part: pendulum and support beside closed forms and other algorithms,
+targets beside their differences, touchdowns as they happen.
+"""
 
 from __future__ import annotations
 
@@ -21,7 +22,13 @@ import harpy_pin as hp
 from harpy_pin.gaits.walking.build import draw_together
 from harpy_pin.gaits.walking.footholds import widen_stance
 from harpy_pin.gaits.walking.measuring import measure
-from harpy_pin.gaits.walking.pendulum import cyclic_offset, nearest_in_hull, predict, real_duration, toward
+from harpy_pin.gaits.walking.pendulum import (
+    cyclic_offset,
+    nearest_in_hull,
+    predict,
+    real_duration,
+    toward,
+)
 
 small = st.floats(-1.0, 1.0)
 talos = cache(lambda: hp.load_robot("talos"))
@@ -33,16 +40,24 @@ def test_prediction_is_the_pendulums_motion(place, velocity, pressure, omega, ti
     found = predict(place, velocity, pressure, omega, time)
     if time > 0.0:
         motion = solve_ivp(
-            lambda _, x: (x[1], omega**2 * (x[0] - pressure)), (0.0, time), (place, velocity), rtol=1e-10, atol=1e-12
+            lambda _, x: (x[1], omega**2 * (x[0] - pressure)),
+            (0.0, time),
+            (place, velocity),
+            rtol=1e-10,
+            atol=1e-12,
         )
         np.testing.assert_allclose(found, motion.y[:, -1], rtol=1e-6, atol=1e-8)
     else:
-        np.testing.assert_allclose(found, (place, velocity), rtol=0.0, atol=1e-15)  # p + (c − p) may round
+        np.testing.assert_allclose(
+            found, (place, velocity), rtol=0.0, atol=1e-15
+        )  # p + (c − p) may round
 
 
 @given(small, small, st.floats(3.0, 8.0), st.floats(0.1, 0.6))
 def test_footholds_at_the_cyclic_offset_repeat_for_ever(way, jump, omega, duration):
-    """ξ behind a foot by its offset is behind the next foot by that foot's offset: the walk goes on as it is."""
+    """ξ behind a foot by its offset is behind the next foot by that foot's offset: the walk goes on
+    as it is.
+    """
     growth, foot = np.exp(omega * duration), 0.0
     capture = foot + cyclic_offset(way, jump, growth)
     for _ in range(4):
@@ -71,7 +86,9 @@ def test_swing_ends_at_rest_at_its_goal_and_its_parts_are_one_motion(left, place
     assert ends == (goal, 0.0, 0.0)
     half = toward(place, velocity, 0.0, goal, left, 0.4 * left)
     np.testing.assert_allclose(
-        toward(*half, goal, 0.6 * left, 0.3 * left), toward(place, velocity, 0.0, goal, left, 0.7 * left), atol=1e-7
+        toward(*half, goal, 0.6 * left, 0.3 * left),
+        toward(place, velocity, 0.0, goal, left, 0.7 * left),
+        atol=1e-7,
     )
 
 
@@ -90,7 +107,9 @@ def test_what_is_measured_is_pinocchios(name):
     robot, rng = hp.load_robot(name), np.random.default_rng(0)
     gait, data = hp.WalkingGait(robot), robot.model.createData()
     for _ in range(5):
-        q = pin.integrate(robot.model, gait.initial_state()[0], 0.3 * rng.standard_normal(robot.model.nv))
+        q = pin.integrate(
+            robot.model, gait.initial_state()[0], 0.3 * rng.standard_normal(robot.model.nv)
+        )
         v, force = rng.standard_normal(robot.model.nv), np.zeros((len(robot.feet), 3))
         assert measure(gait.record, q, v, force)
         m = gait.record["measured"][0]
@@ -101,17 +120,25 @@ def test_what_is_measured_is_pinocchios(name):
         np.testing.assert_allclose(robot.mass * m["spin"], data.hg.angular, atol=1e-11)
         feet = [data.oMf[robot.frame_id(foot)].translation for foot in robot.feet]
         np.testing.assert_allclose(m["point"], feet, atol=1e-12)
-        # The angular momentum about the ground below the centre of mass is that of a pendulum of this velocity.
+        # The angular momentum about the ground below the centre of mass is that of a pendulum of
+        # this velocity.
         about_ground = data.hg.angular + np.cross((0.0, 0.0, centre[2]), robot.mass * data.vcom[0])
         pendulum = robot.mass * centre[2] * np.array((-m["drift"][1], m["drift"][0]))
         np.testing.assert_allclose(pendulum, about_ground[:2], atol=1e-11)
 
 
 @needs_robots
-@given(st.lists(st.tuples(st.floats(-3.0, 3.0), small, st.floats(-4.0, 4.0), st.floats(-0.1, 0.1)), min_size=2))
+@given(
+    st.lists(
+        st.tuples(st.floats(-3.0, 3.0), small, st.floats(-4.0, 4.0), st.floats(-0.1, 0.1)),
+        min_size=2,
+    )
+)
 @settings(max_examples=4, suppress_health_check=[HealthCheck.too_slow], deadline=None)
 def test_targets_fit_their_differences_and_footholds_are_in_reach(commands):
-    """Whatever is commanded, and however often: nothing jumps, and no foothold is out of reach or at another foot."""
+    """Whatever is commanded, and however often: nothing jumps, and no foothold is out of reach or
+    at another foot.
+    """
     robot = hp.load_robot("solo12")
     gait = hp.WalkingGait(robot)
     p, h = gait.record[0], 1e-3
@@ -136,7 +163,9 @@ def test_targets_fit_their_differences_and_footholds_are_in_reach(commands):
             place = o.body[:3] + o.foot_position[k]
             velocity = o.body[3:6] + o.foot_velocity[k]
             if k in before:
-                np.testing.assert_allclose(place - before[k][0], 0.5 * h * (velocity + before[k][1]), atol=4e-4)
+                np.testing.assert_allclose(
+                    place - before[k][0], 0.5 * h * (velocity + before[k][1]), atol=4e-4
+                )
                 assert np.abs(velocity - before[k][1]).max() < 0.6
             before[k] = place, velocity
             left = max(1.0 - p["phase"], 0.0) * gait.step_duration
@@ -157,7 +186,9 @@ def test_targets_fit_their_differences_and_footholds_are_in_reach(commands):
 @given(aside=st.floats(-0.4, 0.4), turn=st.floats(-2.0, 2.0), step=st.floats(0.2, 0.6))
 @settings(max_examples=50, deadline=None)
 def test_soles_are_planned_apart(aside, turn, step):
-    """Where a step to the side has brought them together and a turn has turned them towards each other."""
+    """Where a step to the side has brought them together and a turn has turned them towards each
+    other.
+    """
     gait = hp.WalkingGait(talos())
     p = gait._record_[0]
     places = p["middle"].copy()
@@ -166,7 +197,10 @@ def test_soles_are_planned_apart(aside, turn, step):
     apart, usual = (float(np.ptp(place[:, 1])) for place in (p["middle"], places))
     assert apart >= usual
     lasts = real_duration(gait._record_)
-    (length, width), corner = p["sole"], np.array(((1.0, 1.0), (1.0, -1.0), (-1.0, -1.0), (-1.0, 1.0)))
+    (length, width), corner = (
+        p["sole"],
+        np.array(((1.0, 1.0), (1.0, -1.0), (-1.0, -1.0), (-1.0, 1.0))),
+    )
 
     def sole(side):
         c, s = np.cos(side * 0.5 * turn * lasts), np.sin(side * 0.5 * turn * lasts)
@@ -196,7 +230,9 @@ def test_feet_that_land_early_stay_and_late_ones_are_let_down():
     go(loaded, until=lambda: p["in_air"].any())
     swing = gait.target.stance == 0.0
     assert swing.sum() == 2
-    go(loaded, until=lambda: p["phase"] > 0.5)  # a load in the first part of the swing is the foot's last touch
+    go(
+        loaded, until=lambda: p["phase"] > 0.5
+    )  # a load in the first part of the swing is the foot's last touch
     assert p["in_air"].sum() == 2
     go(free, until=lambda: p["phase"] > 0.75)
     go(loaded, until=lambda: not p["in_air"].any())  # early
@@ -234,15 +270,25 @@ def test_a_foot_that_was_just_lifted_has_not_landed_whatever_the_period():
 @needs_robots
 @pytest.mark.parametrize("name", ["solo12", "bolt"])
 def test_an_acceleration_that_is_held_brings_a_swing_foot_to_its_next_velocity(name):
-    gait, h, t, before, seen = hp.WalkingGait(hp.load_robot(name), velocity=(0.3, 0.0, 0.0)), 0.02, 0.0, None, 0
+    gait, h, t, before, seen = (
+        hp.WalkingGait(hp.load_robot(name), velocity=(0.3, 0.0, 0.0)),
+        0.02,
+        0.0,
+        None,
+        0,
+    )
     state = made_state(gait, force=30.0)
     while seen < 5:
         gait.observe(state)
         o, swings = gait.update(t), gait.target.stance == 0.0
         velocity, acceleration = o.body[3:6] + o.foot_velocity, o.body[6:9] + o.foot_acceleration
-        if t > 1.5 * h and swings.any() and (swings == before[2]).all():  # the first update knows no period
+        if (
+            t > 1.5 * h and swings.any() and (swings == before[2]).all()
+        ):  # the first update knows no period
             ahead = before[0] + h * before[1]
-            np.testing.assert_allclose(velocity[swings, 2], ahead[swings, 2], atol=1e-9)  # heights do not change plans
+            np.testing.assert_allclose(
+                velocity[swings, 2], ahead[swings, 2], atol=1e-9
+            )  # heights do not change plans
             assert np.abs(before[1][swings, 2]).max() > 1.0
             seen += 1
         before, t = (velocity.copy(), acceleration.copy(), swings.copy()), t + h
@@ -254,14 +300,23 @@ def test_a_stance_foot_that_moves_is_at_rest_after_a_long_tick_and_too_few_ticks
     gait = hp.WalkingGait(hp.load_robot("solo12"))
     state = made_state(gait, force=6.0)
     state.v[0] = 0.1
-    for period, rate in ((1e-3, 200.0), (5e-3, 200.0), (0.02, 50.0)):  # at most 1 / period: no foot turns back
+    for period, rate in (
+        (1e-3, 200.0),
+        (5e-3, 200.0),
+        (0.02, 50.0),
+    ):  # at most 1 / period: no foot turns back
         with warnings.catch_warnings(record=True) as said:
             warnings.simplefilter("always")
             controller = hp.make_controller("condensed", gait, mu=0.6, period=period)
         controller.step(state)
-        np.testing.assert_allclose(controller.targets.feet, np.tile((-0.1 * rate, 0.0, 0.0), (4, 1)), atol=1e-9)
+        np.testing.assert_allclose(
+            controller.targets.feet, np.tile((-0.1 * rate, 0.0, 0.0), (4, 1)), atol=1e-9
+        )
         assert [str(warning.message) for warning in said] == (
-            ["'solo12' has 7.5 ticks of 0.02 s in a step and may fall: take a period of 0.019 s at most"]
+            [
+                "'solo12' has 7.5 ticks of 0.02 s in a step and may fall: take a period of 0.019 s "
+                "at most"
+            ]
             if period == 0.02
             else []
         )
@@ -273,7 +328,9 @@ def test_a_stance_foot_that_does_not_touch_is_let_down():
     gait.observe(made_state(gait, height=0.01))
     o = gait.update(0.0)
     assert (o.stance == 1.0).all()
-    np.testing.assert_allclose(o.body[3:6] + o.foot_velocity, np.tile((0.0, 0.0, -0.3), (4, 1)), atol=1e-12)
+    np.testing.assert_allclose(
+        o.body[3:6] + o.foot_velocity, np.tile((0.0, 0.0, -0.3), (4, 1)), atol=1e-12
+    )
 
 
 @needs_robots
@@ -286,7 +343,13 @@ def test_commands_that_are_not_finite_are_ignored_and_scripts_are_followed():
     for t in np.arange(0.0, 1.0, 1e-3):
         gait.observe(state)
         gait.update(float(t))
-        expected = (0.0, 0.0, 0.0, 0.0) if t < 0.1 else (0.2, 0.0, 0.0, 0.0) if t < 0.5 else (0.0, 0.0, 0.5, 0.01)
+        expected = (
+            (0.0, 0.0, 0.0, 0.0)
+            if t < 0.1
+            else (0.2, 0.0, 0.0, 0.0)
+            if t < 0.5
+            else (0.0, 0.0, 0.5, 0.01)
+        )
         assert gait.command.tolist() == list(expected)
     gait.command[0] = np.nan
     gait.update(1.0)
@@ -329,7 +392,9 @@ SIDES = [45 * k for k in range(8)]
 
 
 @needs_robots
-@pytest.mark.parametrize(("name", "slope", "centred"), [("g1", 0.0, 1.0), ("g1", 0.1, 0.0), ("go2", 0.0, 0.0)])
+@pytest.mark.parametrize(
+    ("name", "slope", "centred"), [("g1", 0.0, 1.0), ("g1", 0.1, 0.0), ("go2", 0.0, 0.0)]
+)
 def test_on_level_soles_the_demand_is_of_the_centre_of_mass(name, slope, centred):
     gait = hp.WalkingGait(hp.load_robot(name))
     if slope:

@@ -1,5 +1,6 @@
-"""How fast a robot walks: torques of swinging legs beside statics, the pendulum's reaction beside momentum, and a trot
-at two metres per second in both plants."""
+"""How fast a robot walks: torques of swinging legs beside statics, the pendulum's reaction beside
+momentum, and a trot at two metres per second in both plants.
+"""
 
 from __future__ import annotations
 
@@ -39,7 +40,10 @@ def test_a_leg_that_does_not_move_needs_the_torque_of_its_weight():
 def test_torques_of_a_swing_without_weight_grow_with_the_square_of_its_rate():
     robot, q, build = go2()
     robot.model.gravity.linear = np.zeros(3)
-    slow, fast = swing_load(robot, q, build, 1.0, 0.2, 0.1, 0.03), swing_load(robot, q, build, 2.0, 0.1, 0.1, 0.03)
+    slow, fast = (
+        swing_load(robot, q, build, 1.0, 0.2, 0.1, 0.03),
+        swing_load(robot, q, build, 2.0, 0.1, 0.1, 0.03),
+    )
     assert fast == pytest.approx(4.0 * slow, rel=1e-6)
 
 
@@ -58,11 +62,18 @@ def test_reaction_is_the_momentum_that_a_moving_foot_gives_the_pendulum():
     for k, name in enumerate(robot.feet):
         v = np.zeros(model.nv)
         v[6 + 3 * k : 9 + 3 * k] = 0.3, -0.7, 0.9
-        foot = pin.computeFrameJacobian(model, data, q, robot.frame_id(name), pin.LOCAL_WORLD_ALIGNED)[:3] @ v
+        foot = (
+            pin.computeFrameJacobian(model, data, q, robot.frame_id(name), pin.LOCAL_WORLD_ALIGNED)[
+                :3
+            ]
+            @ v
+        )
         momentum = pin.computeCentroidalMomentum(model, data, q, v).np / robot.mass
         desired = (momentum[0] + momentum[4] / build.rise, momentum[1] - momentum[3] / build.rise)
         np.testing.assert_allclose(build.reaction[k] @ foot, desired, atol=1e-12)
-        np.testing.assert_allclose((build.reaction[k] - build.turning[k]) @ foot, momentum[:2], atol=1e-12)
+        np.testing.assert_allclose(
+            (build.reaction[k] - build.turning[k]) @ foot, momentum[:2], atol=1e-12
+        )
 
 
 @needs_robots
@@ -79,7 +90,9 @@ def test_go2_trots_at_two_metres_per_second_with_shorter_steps(plant):
 @needs_robots
 @pytest.mark.parametrize("name", ["anymal_b", "anymal_c", "solo12"])
 def test_legs_of_a_bound_reach_their_feet_at_its_largest_speed(name):
-    """By the leg's own geometry: from the hip of the posture to where the foot is when it leaves the ground."""
+    """By the leg's own geometry: from the hip of the posture to where the foot is when it leaves
+    the ground.
+    """
     robot = hp.load_robot(name)
     gait = hp.WalkingGait(robot, schedule="bound")
     build = build_of(robot, hp.Standing(robot).initial_state()[0])
@@ -100,13 +113,18 @@ def test_anymal_b_bounds_as_fast_as_its_legs_reach():
     assert run["centre"][-1, 0] > 5.0 * 0.9 * gait.max_speed
 
 
-@pytest.mark.parametrize(("near", "low", "height"), [(NEAR, LOW, 0.053), (STRAIGHT_NEAR, 0.0, 0.04)])
+@pytest.mark.parametrize(
+    ("near", "low", "height"), [(NEAR, LOW, 0.053), (STRAIGHT_NEAR, 0.0, 0.04)]
+)
 @pytest.mark.parametrize("speed", [0.0, 0.1, 0.3, 0.6, 1.0])
 def test_a_foot_is_slow_when_it_is_near_the_ground(speed, near, low, height):
-    # A trot with steps of 1 s: a foot goes two steps' way in a swing of 0.95 s, by the motion of least jerk.
+    # A trot with steps of 1 s: a foot goes two steps' way in a swing of 0.95 s, by the motion of
+    # least jerk.
     end, swing = upright_end(speed, 1.0, near), 0.95
     assert end >= UPRIGHT_END
-    glide = low * SETTLE / (1.0 - SETTLE)  # the height there falls at the rate at which it goes on to the ground
+    glide = (
+        low * SETTLE / (1.0 - SETTLE)
+    )  # the height there falls at the rate at which it goes on to the ground
 
     def above(w):  # at the share w before it begins to go down slowly
         return 64.0 * (w * (1.0 - w)) ** 3 + low + glide * w - height
@@ -134,9 +152,13 @@ def test_no_foothold_stretches_a_leg(name, higher):
     pin.forwardKinematics(model, data, q)
     for k, foot in enumerate(robot.feet):
         knee = model.frames[robot.frame_id(foot)].parentJoint
-        axis = data.oMi[model.parents[model.parents[knee]]].translation  # about which the leg swings sideways
+        axis = data.oMi[
+            model.parents[model.parents[knee]]
+        ].translation  # about which the leg swings sideways
         for angle in np.linspace(0.0, 2.0 * np.pi, 12, endpoint=False):
-            p["foothold"][k, :2] = p["measured"]["centre"][:2] + 5.0 * np.array((np.cos(angle), np.sin(angle)))
+            p["foothold"][k, :2] = p["measured"]["centre"][:2] + 5.0 * np.array(
+                (np.cos(angle), np.sin(angle))
+            )
             _keep_in_reach(gait._record_[0], k, 0.0)
             place = np.array((*p["foothold"][k, :2], 0.0))
             # Beside the axis by d, a leg of length l reaches to √(l² + d²) from a point of it.
@@ -207,7 +229,9 @@ def test_a_walking_gait_says_to_what_it_limits_the_velocity() -> None:
         most = hp.WalkingGait(robot).max_speed
         hp.WalkingGait(robot, velocity=(most, 0.0, 0.0))
     for velocity in ((9.0, 0.0, 0.0), ((0.0, 0.1, 0.0, 0.0), (1.0, 9.0, 0.0, 0.0))):
-        with pytest.warns(UserWarning, match=rf"velocity \(9, 0, 0\) .* limited to \({most:.3g}, 0, 0\)") as said:
+        with pytest.warns(
+            UserWarning, match=rf"velocity \(9, 0, 0\) .* limited to \({most:.3g}, 0, 0\)"
+        ) as said:
             gait = hp.WalkingGait(robot, velocity=velocity)
         assert [warning.filename for warning in said] == [__file__]
         assert gait.max_speed == most
@@ -229,7 +253,9 @@ def test_commanded_harpy_says_so_too() -> None:
 
 @needs_robots
 def test_on_soles_the_largest_speed_falls_with_the_friction():
-    """Of a controller that assumes it; a speed that was given stays, and so does that of point feet."""
+    """Of a controller that assumes it; a speed that was given stays, and so does that of point
+    feet.
+    """
     robot = hp.load_robot("g1")
     fastest, aside = hp.WalkingGait(robot).max_speed, hp.WalkingGait(robot).max_aside
     for mu, share in ((0.9, 1.0), (0.6, 1.0), (0.3, 0.5), (0.1, 1.0 / 6.0)):

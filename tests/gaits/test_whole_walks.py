@@ -22,7 +22,9 @@ ON_SOLES = long_but(("talos", "icub", "g1"), ("talos",))
 
 
 @needs_robots
-@pytest.mark.parametrize(("name", "speed"), [("solo12", 0.6), ("go2", 1.5), ("a1", 1.2), ("anymal_c", 0.8)])
+@pytest.mark.parametrize(
+    ("name", "speed"), [("solo12", 0.6), ("go2", 1.5), ("a1", 1.2), ("anymal_c", 0.8)]
+)
 def test_trots_as_commanded_and_hardly_slips(name, speed):
     gait = hp.WalkingGait(hp.load_robot(name), velocity=(speed, 0.0, 0.0), max_speed=2.0)
     run = walk(gait)
@@ -35,17 +37,27 @@ def test_trots_as_commanded_and_hardly_slips(name, speed):
     moved = speed * (3.0 - start - 0.5 * speed)  # at 1 m/s²
     np.testing.assert_allclose(run["path"][-1, 0] - run["path"][0, 0], moved, rtol=0.05)
     settled = run["t"] > 2.0
-    assert abs(np.polyfit(run["t"][settled], run["centre"][settled, 0], 1)[0] - speed) < 0.05 * speed
+    assert (
+        abs(np.polyfit(run["t"][settled], run["centre"][settled, 0], 1)[0] - speed) < 0.05 * speed
+    )
 
 
 @needs_robots
-@pytest.mark.parametrize("held", [{}, hp.controllers.parameters.JOINT_TARGETS], ids=("torque", "targets"))
-@pytest.mark.parametrize("name", long_but(("go2", "a1", "hyq", "anymal_b", "g1"), ("go2", "anymal_b")))
+@pytest.mark.parametrize(
+    "held", [{}, hp.controllers.parameters.JOINT_TARGETS], ids=("torque", "targets")
+)
+@pytest.mark.parametrize(
+    "name", long_but(("go2", "a1", "hyq", "anymal_b", "g1"), ("go2", "anymal_b"))
+)
 def test_walks_at_fifty_ticks_a_second(name, held):
     soles = name == "g1"
-    gait = hp.Walking(velocity=((0.0, 0.2 if soles else 0.5, 0.0, 0.0), (3.0, 0.1 if soles else 0.25, 0.0, 0.4)))
+    gait = hp.Walking(
+        velocity=((0.0, 0.2 if soles else 0.5, 0.0, 0.0), (3.0, 0.1 if soles else 0.25, 0.0, 0.4))
+    )
     controller, ground = hp.Condensed(parameters=dict(held)), hp.Ground(mu_s=0.6)
-    scenario = hp.Scenario(robot=name, gait=gait, controller=controller, ground=ground, duration=6.0, period=0.02)
+    scenario = hp.Scenario(
+        robot=name, gait=gait, controller=controller, ground=ground, duration=6.0, period=0.02
+    )
     run = hp.walk(scenario)
     assert run.ending == "completed"
     assert hp.measure(run).slip_mm_per_step < 10.0
@@ -55,7 +67,13 @@ def test_walks_at_fifty_ticks_a_second(name, held):
 def test_course_start_and_stop():
     """Forward, a turn, sideways, back, and standing at the end, with the feet where they stand."""
     quarter = np.pi / 2 / 0.6
-    rows = ((0.5, 0.3, 0, 0), (2.5, 0.2, 0, 0.6), (2.5 + quarter, 0, 0.15, 0), (6.5, -0.15, 0, 0), (8, 0, 0, 0))
+    rows = (
+        (0.5, 0.3, 0, 0),
+        (2.5, 0.2, 0, 0.6),
+        (2.5 + quarter, 0, 0.15, 0),
+        (6.5, -0.15, 0, 0),
+        (8, 0, 0, 0),
+    )
     gait = hp.WalkingGait(hp.load_robot("solo12"), velocity=rows)
     run = walk(gait, duration=9.5)
     assert run.ending == "completed"
@@ -85,7 +103,10 @@ def test_trots_on_slippery_ground_and_turning(name, velocity, mu):
 @needs_robots
 @pytest.mark.parametrize("push", [push for (push,) in PUSHES])
 def test_a_pushed_trot_goes_on(push):
-    run = walk(hp.WalkingGait(hp.load_robot("go2"), velocity=(0.4, 0.0, 0.0)), pushes=((1.5, (*push, 0.0)),))
+    run = walk(
+        hp.WalkingGait(hp.load_robot("go2"), velocity=(0.4, 0.0, 0.0)),
+        pushes=((1.5, (*push, 0.0)),),
+    )
     assert run.ending == "completed"
     assert hp.measure(run).tilt_max_rad < 0.1
     along = np.abs(run["v"][:, 0 if push[0] else 1] - (0.4 if push[0] else 0.0))
@@ -146,7 +167,9 @@ def test_bolt_steps_in_place_and_takes_a_push(push):
 
 @needs_robots
 def test_feet_of_a_biped_do_not_cross_and_land_before_it_leans_too_far():
-    """Sideways and pushed: the left foot stays on the left, and the step hastens where the pendulum runs away."""
+    """Sideways and pushed: the left foot stays on the left, and the step hastens where the pendulum
+    runs away.
+    """
     gait = hp.WalkingGait(hp.load_robot("bolt"), velocity=(0.5, 0.3, 0.0))
     p, hastes, sides = gait.record[0], [], []
 
@@ -179,7 +202,9 @@ def test_a_pushed_biped_on_points_goes_on(plant, push):
 @needs_robots
 @pytest.mark.parametrize("time", long_but((2.24, 2.28, 2.32, 2.36), (2.24, 2.36)))
 def test_a_biped_on_points_that_is_pushed_askew_is_not_lifted(time):
-    """Its one force holds the body upright against the swinging leg only by pushing it aside and up."""
+    """Its one force holds the body upright against the swinging leg only by pushing it aside and
+    up.
+    """
     gait = hp.WalkingGait(hp.load_robot("bolt"), velocity=(0.5, 0.0, 0.0))
     run = walk(gait, duration=3.5, pushes=((time, (0.55, 0.55, 0.0)),))
     assert run.ending == "completed"
@@ -190,12 +215,16 @@ def test_a_biped_on_points_that_is_pushed_askew_is_not_lifted(time):
 @pytest.mark.parametrize("rise", [0.02, -0.02])
 @pytest.mark.parametrize("name", ["solo12", "bolt"])
 def test_a_step_of_two_centimetres_that_it_does_not_know(name, rise):
-    """Up: a foot that meets the ground early has landed. Down: a late one is let down, and the others stay loaded."""
+    """Up: a foot that meets the ground early has landed. Down: a late one is let down, and the
+    others stay loaded.
+    """
     log = []
 
     def see(state):
         p = gait.record[0]
-        log.append((p["in_air"].copy(), p["felt"].copy(), p["phase"].item(), state.foot_force[:, 2].copy()))
+        log.append(
+            (p["in_air"].copy(), p["felt"].copy(), p["phase"].item(), state.foot_force[:, 2].copy())
+        )
 
     robot = hp.load_robot(name)
     blind = OnTerrain(hp.WalkingGait(robot, velocity=(0.3, 0.0, 0.0)), Plane(slope=0.0))
@@ -224,7 +253,9 @@ def test_a_step_of_two_centimetres_that_it_does_not_know(name, rise):
 @pytest.mark.parametrize("rise", [0.02, -0.02])
 @pytest.mark.parametrize("name", ON_SOLES)
 def test_soles_feel_two_centimetres_that_they_do_not_know(name, rise):
-    """The body goes with the ground, so that no step is late; soles stand across the edge, which is a short ramp."""
+    """The body goes with the ground, so that no step is late; soles stand across the edge, which is
+    a short ramp.
+    """
     gait = hp.WalkingGait(hp.load_robot(name), velocity=(0.25, 0.0, 0.0))
     stairs = Stairs(rise=rise, steps=1, depth=5.0, start=0.4, edge=0.05)
     run = walk(OnTerrain(gait, Plane(slope=0.0)), terrain=stairs, duration=5.0)
@@ -254,7 +285,8 @@ def test_bumps_of_one_centimetre_that_it_does_not_know(name, seed):
 @needs_robots
 @pytest.mark.parametrize("name", ON_SOLES)
 def test_humanoids_walk_on_their_soles_and_stop(name):
-    """As fast as commanded and where commanded, with joints in their ranges; a step ends when its foot lands.
+    """As fast as commanded and where commanded, with joints in their ranges; a step ends when its
+    foot lands.
 
     At 0.4 m/s ankles of iCub go 0.06 rad beyond their range.
     """
@@ -269,8 +301,12 @@ def test_humanoids_walk_on_their_soles_and_stop(name):
     assert np.polyfit(t[steady], run["centre"][steady, 0], 1)[0] == pytest.approx(speed, rel=0.03)
     lengths = np.diff(t[np.flatnonzero(np.diff(run["steps"])) + 1])[3:8]
     by_the_clock = min(gait.step_duration, gait.record["stride"][0] / speed) / np.mean(hastes)
-    assert np.mean(lengths) == pytest.approx((1.0 - 0.1 * (1.0 - gait.double_support)) * by_the_clock, rel=0.08)
-    beyond = np.maximum(robot.model.lowerPositionLimit - run["q"], run["q"] - robot.model.upperPositionLimit)
+    assert np.mean(lengths) == pytest.approx(
+        (1.0 - 0.1 * (1.0 - gait.double_support)) * by_the_clock, rel=0.08
+    )
+    beyond = np.maximum(
+        robot.model.lowerPositionLimit - run["q"], run["q"] - robot.model.upperPositionLimit
+    )
     assert beyond[:, 7:].max() < 0.05
     assert not gait.walking
 
@@ -278,10 +314,18 @@ def test_humanoids_walk_on_their_soles_and_stop(name):
 @needs_robots
 @pytest.mark.parametrize("name", ON_SOLES)
 def test_soles_stay_apart_in_turns_and_steps_to_the_side(name):
-    """Forward in a turn, sideways, back the other way at once, turning alone, and standing at the end."""
+    """Forward in a turn, sideways, back the other way at once, turning alone, and standing at the
+    end.
+    """
     robot, gait = hp.load_robot(name), hp.WalkingGait(hp.load_robot(name))
     speed, aside = 0.5 * gait.max_speed, gait.max_aside
-    rows = ((0.3, speed, 0, 0.5), (2.0, 0, aside, 0), (3.5, 0, -aside, 0.3), (5.0, 0, 0, -1.0), (6.0, 0, 0, 0))
+    rows = (
+        (0.3, speed, 0, 0.5),
+        (2.0, 0, aside, 0),
+        (3.5, 0, -aside, 0.3),
+        (5.0, 0, 0, -1.0),
+        (6.0, 0, 0, 0),
+    )
     gait = hp.WalkingGait(robot, velocity=rows)
     run = walk(gait, duration=8.0)
     assert run.ending == "completed"
@@ -301,7 +345,9 @@ def test_steps_to_the_side_are_as_wide_as_planned(name):
 
     def see(_):
         swings = p["in_air"].any() and p["phase"] > 0.25
-        seen.append((p["haste"], np.ptp(p["middle"][:, 1]), np.ptp(p["measured"]["place"][:, 1]), swings))
+        seen.append(
+            (p["haste"], np.ptp(p["middle"][:, 1]), np.ptp(p["measured"]["place"][:, 1]), swings)
+        )
 
     run = walk(gait, duration=5.0, on_tick=see)
     haste, planned, apart, swings = np.array(seen, dtype=float)[2500:].T
@@ -325,7 +371,13 @@ def test_a_pushed_humanoid_hardly_steps_on_its_own_foot(name):
 
 
 @needs_robots
-@given(st.lists(st.tuples(st.floats(-1.0, 1.5), st.floats(-0.5, 0.5), st.floats(-1.5, 1.5)), min_size=3, max_size=6))
+@given(
+    st.lists(
+        st.tuples(st.floats(-1.0, 1.5), st.floats(-0.5, 0.5), st.floats(-1.5, 1.5)),
+        min_size=3,
+        max_size=6,
+    )
+)
 @settings(max_examples=5, suppress_health_check=[HealthCheck.too_slow], deadline=None)
 def test_random_commands_do_not_fell_it(commands):
     rows = tuple((0.3 + 0.7 * n, *command) for n, command in enumerate(commands))
@@ -341,7 +393,9 @@ KNEES = {"leg_left_4_joint", "leg_right_4_joint", "l_knee", "r_knee"}
 @pytest.mark.parametrize("quarter", [1, 2])
 @pytest.mark.parametrize("degrees", long_but(SIDES, (90,)))
 def test_a_push_from_any_side_does_not_fell_g1_in_mujoco(degrees, quarter):
-    """Pushed to the side of the stance foot, too, where the other foot cannot follow: it has to land earlier."""
+    """Pushed to the side of the stance foot, too, where the other foot cannot follow: it has to
+    land earlier.
+    """
     pytest.importorskip("mujoco")
     gait, angle = hp.WalkingGait(hp.load_robot("g1"), "step"), np.deg2rad(degrees)
     push = (0.4 * np.cos(angle), 0.4 * np.sin(angle), 0.0)
@@ -352,35 +406,54 @@ def test_a_push_from_any_side_does_not_fell_g1_in_mujoco(degrees, quarter):
 
 
 @needs_robots
-@pytest.mark.parametrize(("name", "time"), long_but((("talos", 2.0), ("icub", 2.188)), (("talos", 2.0),)))
+@pytest.mark.parametrize(
+    ("name", "time"), long_but((("talos", 2.0), ("icub", 2.188)), (("talos", 2.0),))
+)
 def test_a_pushed_humanoid_turns_and_keeps_its_knees_bent(name, time):
-    """Pushed to the right, so that it has to step far: body and arms turn and come back, and no leg is stretched."""
+    """Pushed to the right, so that it has to step far: body and arms turn and come back, and no leg
+    is stretched.
+    """
     robot = hp.load_robot(name)
-    run = walk(hp.WalkingGait(robot, "step"), mu=0.6, pushes=((time, (0.0, -0.4, 0.0)),), duration=time + 2.5)
+    run = walk(
+        hp.WalkingGait(robot, "step"),
+        mu=0.6,
+        pushes=((time, (0.0, -0.4, 0.0)),),
+        duration=time + 2.5,
+    )
     assert run.ending == "completed"
     tilt = np.arccos(1.0 - 2.0 * (run["q"][:, 3] ** 2 + run["q"][:, 4] ** 2))
     assert tilt.max() > 0.02
     assert tilt[-1] < 0.02
     knees = [n for n, joint in enumerate(robot.joints) if joint in KNEES]
     assert len(knees) == 2
-    beyond = np.maximum(robot.model.lowerPositionLimit - run["q"], run["q"] - robot.model.upperPositionLimit)
+    beyond = np.maximum(
+        robot.model.lowerPositionLimit - run["q"], run["q"] - robot.model.upperPositionLimit
+    )
     assert beyond[:, 7:][:, knees].max() < 0.05
 
 
 @needs_robots
 def test_a_robot_walks_where_it_faces():
-    """iCub's base has its x axis to the back; its soles reach further ahead of the ankles than behind."""
+    """iCub's base has its x axis to the back; its soles reach further ahead of the ankles than
+    behind.
+    """
     robot = hp.load_robot("icub")
     gait, ground = hp.Walking(velocity=(0.2, 0.0, 0.0)), hp.Ground(mu_s=0.6)
-    run = hp.walk(hp.Scenario(robot="icub", gait=gait, ground=ground, state="estimated", duration=3.0))
+    run = hp.walk(
+        hp.Scenario(robot="icub", gait=gait, ground=ground, state="estimated", duration=3.0)
+    )
     data = robot.model.createData()
     pin.forwardKinematics(robot.model, data, run["q"][0])
     ankles = {robot.model.frames[robot.frame_id(name)].parentJoint for name in robot.feet}
-    ahead = run["foot_position"][0, :, 0].mean() - np.mean([data.oMi[joint].translation[0] for joint in ankles])
+    ahead = run["foot_position"][0, :, 0].mean() - np.mean(
+        [data.oMi[joint].translation[0] for joint in ankles]
+    )
     assert ahead > 0.01
     seen = hp.measure(run)
     assert seen.distance_m > 0.3
     assert seen.yaw_max_rad < 0.2
     assert seen.velocity_rms_m_s < 0.1
-    np.testing.assert_allclose(seen.estimate_off_m, np.linalg.norm((run["estimated_q"] - run["q"])[-1, :3]))
+    np.testing.assert_allclose(
+        seen.estimate_off_m, np.linalg.norm((run["estimated_q"] - run["q"])[-1, :3])
+    )
     assert 0.0 < seen.estimate_off_m < 0.05

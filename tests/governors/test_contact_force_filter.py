@@ -36,7 +36,9 @@ def random_state(rng, *, load=20.0):
 
 
 def random_command(rng):
-    return Command(3.0 * rng.normal(size=6), np.array([0.0, 0.0, 5.0]) + 5.0 * rng.normal(size=(2, 3)))
+    return Command(
+        3.0 * rng.normal(size=6), np.array([0.0, 0.0, 5.0]) + 5.0 * rng.normal(size=(2, 3))
+    )
 
 
 def constrained(state, command, touching, damping=0.0):
@@ -71,7 +73,9 @@ def test_force_is_affine_in_the_command(touching):
         _, first = constrained(state, command, touching)
         scale = np.abs(after).max() + np.abs(before).max()
         np.testing.assert_allclose(predicted, after.ravel(), atol=1e-8 * scale)
-        np.testing.assert_allclose(moved, acceleration - first, atol=1e-7 * (1.0 + np.abs(acceleration).max()))
+        np.testing.assert_allclose(
+            moved, acceleration - first, atol=1e-7 * (1.0 + np.abs(acceleration).max())
+        )
 
 
 def test_no_foot_no_force():
@@ -99,7 +103,13 @@ def test_into_cone():
 def free(**changes):
     """Settings without lag and without limits."""
     return ContactForceFilterParameters(
-        **{"lag": 0.0, "thrust_authority": 1e9, "torque_authority": 1e9, "sliding_speed": 1e9, **changes}
+        **{
+            "lag": 0.0,
+            "thrust_authority": 1e9,
+            "torque_authority": 1e9,
+            "sliding_speed": 1e9,
+            **changes,
+        }
     )
 
 
@@ -131,7 +141,10 @@ def test_bend_is_the_least_change():
     """The weighted least-squares problem of the module's docstring, solved by its KKT system."""
     rng = np.random.default_rng(5)
     p = free(mu=0.2)
-    governor, contact = ContactForceFilter(ROBOT, p), ContactForceMap(ROBOT, damping=p.contact_damping)
+    governor, contact = (
+        ContactForceFilter(ROBOT, p),
+        ContactForceMap(ROBOT, damping=p.contact_damping),
+    )
     d = Dynamics(ROBOT)
     for support in ([20.0, 20.0], [0.0, 20.0]):
         for _ in range(50):
@@ -152,7 +165,9 @@ def test_bend_is_the_least_change():
             n, m = len(hessian), len(gain)
             kkt = np.block([[hessian, gain.T], [gain, np.zeros((m, m))]])
             expected = np.linalg.solve(kkt, np.concatenate((np.zeros(n), change)))[:n]
-            np.testing.assert_allclose(governor.bend, expected, atol=1e-6 * (1.0 + np.abs(expected).max()))
+            np.testing.assert_allclose(
+                governor.bend, expected, atol=1e-6 * (1.0 + np.abs(expected).max())
+            )
 
 
 def test_inside_the_cone_nothing_changes():
@@ -171,7 +186,9 @@ def test_inside_the_cone_nothing_changes():
 
 
 def test_authority_lag_and_rate():
-    """No component beyond the authority, none faster than twice the authority over the lag, never NaN."""
+    """No component beyond the authority, none faster than twice the authority over the lag, never
+    NaN.
+    """
     rng = np.random.default_rng(7)
     p = ContactForceFilterParameters(mu=0.05, thrust_authority=3.0, torque_authority=0.5, lag=0.004)
     governor = ContactForceFilter(ROBOT, p, period=1e-3)
@@ -218,7 +235,13 @@ def test_degenerate_states(mu):
 
 def test_margins_of_known_errors():
     p = ContactForceFilterParameters.robust(
-        mu=0.25, friction_error=0.1, force_error=0.2, mass_error=0.05, delay=0.002, load=40.0, force_rate=100.0
+        mu=0.25,
+        friction_error=0.1,
+        force_error=0.2,
+        mass_error=0.05,
+        delay=0.002,
+        load=40.0,
+        force_rate=100.0,
     )
     assert p.friction_share == pytest.approx(0.9)
     assert p.margin == pytest.approx((1.0 + 0.9 * 0.25) * (0.2 + 2.0 + 0.2))
@@ -231,7 +254,9 @@ def test_margins_of_known_errors():
 def walked(governor, *, friction, duration, push=0.0, period=1e-3, dt=5e-4):
     """A walk; a push is to the left, N·s, in the single support of the fifth step."""
     how = {"pushes": (Push(3.45, (0.0, push, 0.0)),) if push else (), "period": period, "dt": dt}
-    return hp.walk(scenario(controller=hp.Governed(governor=governor), mu_s=friction, duration=duration, **how))
+    return hp.walk(
+        scenario(controller=hp.Governed(governor=governor), mu_s=friction, duration=duration, **how)
+    )
 
 
 def test_applied_reference_gives_the_thrust():
@@ -245,7 +270,9 @@ def test_applied_reference_gives_the_thrust():
 
 
 def test_sticking_force_predicts_the_compliant_ground():
-    """Away from touchdown and lift-off to half a newton a tick ahead; within 20 ms of them to ten."""
+    """Away from touchdown and lift-off to half a newton a tick ahead; within 20 ms of them to
+    ten.
+    """
     run = walked("none", friction=0.8, duration=5.0)
     dynamics, contact = Dynamics(ROBOT), ContactForceMap(ROBOT)
     touching = run["foot_force"][..., 2] > 0.0
@@ -276,19 +303,32 @@ def test_walk_on_the_papers_ground():
     assert m.thrust_max_n <= 53.0
 
 
-@pytest.mark.parametrize(("friction", "push", "share"), [(0.2, 0.0, 0.02), (0.15, 5.0, 0.1), (0.1, 0.0, 0.5)])
+@pytest.mark.parametrize(
+    ("friction", "push", "share"), [(0.2, 0.0, 0.02), (0.15, 5.0, 0.1), (0.1, 0.0, 0.5)]
+)
 def test_slippery_ground_and_pushes(friction, push, share):
     """Never a fall, and a small share of the slip without governor."""
-    held, none = (hp.measure(walked(name, friction=friction, push=push, duration=5.0)) for name in ("filter", "none"))
+    held, none = (
+        hp.measure(walked(name, friction=friction, push=push, duration=5.0))
+        for name in ("filter", "none")
+    )
     assert not held.fell
     assert held.slip_mm_per_step <= share * none.slip_mm_per_step
 
 
 def test_applied_reference_does_not_chatter():
-    """As many reversals at half the control period, and the same total variation; chattering would double them."""
-    runs = {period: walked("filter", friction=0.25, duration=8.0, period=period, dt=2.5e-4) for period in (1e-3, 5e-4)}
+    """As many reversals at half the control period, and the same total variation; chattering would
+    double them.
+    """
+    runs = {
+        period: walked("filter", friction=0.25, duration=8.0, period=period, dt=2.5e-4)
+        for period in (1e-3, 5e-4)
+    }
     coarse, fine = (chattering(run["x_w"][:, :3], period=period) for period, run in runs.items())
     assert fine.variation_per_s == pytest.approx(coarse.variation_per_s, rel=0.1)
     assert fine.reversals_per_s == pytest.approx(coarse.reversals_per_s, rel=0.1)
-    fastest = [np.linalg.norm(np.diff(run["x_w"][:, :3], axis=0), axis=1).max() / at for at, run in runs.items()]
+    fastest = [
+        np.linalg.norm(np.diff(run["x_w"][:, :3], axis=0), axis=1).max() / at
+        for at, run in runs.items()
+    ]
     assert fastest[1] < 1.5 * fastest[0]

@@ -22,7 +22,9 @@ small = st.floats(-1.0, 1.0).filter(lambda x: x == 0.0 or abs(x) > 1e-3)
 def states():
     """(9,) [c; ċ; u] with a leg of ordinary length and lean."""
     return st.builds(
-        lambda theta, phi, length, foot, rate: np.concatenate((foot + cartesian(theta, phi, length), rate, foot)),
+        lambda theta, phi, length, foot, rate: np.concatenate(
+            (foot + cartesian(theta, phi, length), rate, foot)
+        ),
         st.floats(0.01, 1.2),
         st.floats(-np.pi, np.pi),
         st.floats(0.2, 0.9),
@@ -59,7 +61,9 @@ def algorithm_1(h_r, h_w, jacobian, x_r, x_w, dt, literal=False):
 
 
 def made(rows, literal, h_r, h_w, jacobian_r):
-    """A governor's record with the paper's rates and rows of the paper, their values and slopes filled in."""
+    """A governor's record with the paper's rates and rows of the paper, their values and slopes
+    filled in.
+    """
     rates = dict(zip(("alpha_r", "alpha_t", "alpha_n"), ALPHA, strict=True))
     own = np.zeros(rows, dtype=bool)
     erg = make_record(ErgRecord, {"rows": rows, "size": 6}, **rates, literal=literal, own=own)
@@ -76,12 +80,15 @@ def made(rows, literal, h_r, h_w, jacobian_r):
     st.booleans(),
 )
 def test_update_is_algorithm_1(h_r, h_w, jacobian, x_r, x_w, literal):
-    spread = np.linalg.svd(jacobian[h_r < 0], compute_uv=False) if (h_r < 0).any() else np.array([1.0])
+    spread = (
+        np.linalg.svd(jacobian[h_r < 0], compute_uv=False) if (h_r < 0).any() else np.array([1.0])
+    )
     if ((spread > 1e-12) & (spread < 1e-2)).any():
         return  # a rank that no two methods agree on
     worst = int(np.argmin(h_w))
     if h_r.min() < 0 and abs(jacobian[worst] @ (x_r - x_w)) <= -1e-6 * h_w[worst]:
-        return  # no direction of repair: not the paper's, see ExplicitReferenceGovernor and the next test
+        # no direction of repair: not the paper's, see ExplicitReferenceGovernor and the next test
+        return
     expected = algorithm_1(h_r, h_w, jacobian, x_r, x_w, 1e-3, literal)
     applied, erg = x_w.copy(), made(5, literal, h_r, h_w, jacobian)
     infeasible = explicit_update(x_r, applied, 1e-3, erg[0])
@@ -92,18 +99,26 @@ def test_update_is_algorithm_1(h_r, h_w, jacobian, x_r, x_w, literal):
 
 def test_repair_without_a_direction_follows_the_target():
     """Both references agree in the row that both violate: x_w moves along it, at the rate α_t."""
-    x_r, x_w, row = np.zeros(6), np.array([0.0, 1.0, -1.0, 0.5, 0.0, 0.0]), np.array([2.0, 0.0, 0.0, 0.0, 0.0, 0.0])
+    x_r, x_w, row = (
+        np.zeros(6),
+        np.array([0.0, 1.0, -1.0, 0.5, 0.0, 0.0]),
+        np.array([2.0, 0.0, 0.0, 0.0, 0.0, 0.0]),
+    )
     applied, erg = x_w.copy(), made(1, False, -1.0, -1.0, row)
     assert explicit_update(x_r, applied, 1e-3, erg[0])
     np.testing.assert_allclose(applied, (1.0 - 1e-3 * ALPHA[1]) * x_w, rtol=1e-12)
 
 
 def test_ticks_of_a_walk_are_algorithm_1():
-    """To rounding on all ticks of a walk that falls: on none of them does v_t act without a direction of repair."""
+    """To rounding on all ticks of a walk that falls: on none of them does v_t act without a
+    direction of repair.
+    """
     walk = hp.build(hp.Scenario(controller="governed", ground=hp.Ground(mu_s=0.15), duration=3.0))
     record, ticks = walk.controller.governor._record, []
     names = ("h_r", "h_w", "jacobian_r", "rate", "applied")
-    run = walk.run(on_tick=lambda _: ticks.append([np.array(field(record, name)) for name in names]))
+    run = walk.run(
+        on_tick=lambda _: ticks.append([np.array(field(record, name)) for name in names])
+    )
     repaired = 0
     for x_r, (h_r, h_w, jacobian, rate, applied) in zip(run["x_r"][:-1], ticks[1:], strict=True):
         repaired += h_r.min() < 0 and h_w.min() < 0
@@ -177,8 +192,9 @@ def test_jacobians_by_central_differences(rows, x):
 
 @given(states())
 def test_friction_cannot_be_repaired_by_a_measured_reference(x):
-    """The reference scales the force and never turns it: with the leg outside the cone no w satisfies friction and
-    a positive normal force at once (equations.md §2)."""
+    """The reference scales the force and never turns it: with the leg outside the cone no w
+    satisfies friction and a positive normal force at once (equations.md §2).
+    """
     r = x[:3] - x[6:]
     mu = 0.5 * np.abs(r[:2]).max() / r[2]
     rows = ForceRows(mass=4.0, mu=mu, min_normal_force=0.0)
@@ -207,13 +223,21 @@ def test_status_names_the_violated_rows():
     governor = ExplicitReferenceGovernor(rows)
     x = np.array([0.0, 0.0, 0.6, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])
     governor.reset(x[:6])
-    high = np.array([0.0, 0.0, 0.7, 0.0, 0.0, 0.0])  # asks the thrusters to take the weight off the ground
+    high = np.array(
+        [0.0, 0.0, 0.7, 0.0, 0.0, 0.0]
+    )  # asks the thrusters to take the weight off the ground
     governor.update(x, high, 1e-3)
     assert "normal force" in governor.status.active
     assert not governor.status.infeasible
 
 
-@given(states(), references(), references(), st.sampled_from(Law), st.sampled_from(["measured", "tracked"]))
+@given(
+    states(),
+    references(),
+    references(),
+    st.sampled_from(Law),
+    st.sampled_from(["measured", "tracked"]),
+)
 def test_one_call_equals_rows_then_update(x, x_r, start, law, evaluate_at):
     """The fused update of force rows gives what rows of any kind give, bit for bit."""
     rows = ForceRows(mass=4.0, mu=0.4, gains=GAINS, law=law, evaluate_at=evaluate_at)

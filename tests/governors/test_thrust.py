@@ -6,7 +6,14 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from harpy_pin.governors.point_mass import Law
-from harpy_pin.governors.thrust import AttitudeGains, CentreGains, allocate, centre_feedback, limit_thrust, roll_yaw
+from harpy_pin.governors.thrust import (
+    AttitudeGains,
+    CentreGains,
+    allocate,
+    centre_feedback,
+    limit_thrust,
+    roll_yaw,
+)
 
 vectors = arrays(np.float64, 3, elements=st.floats(-2.0, 2.0))
 MOUNTS = np.array([[0.0, 0.1, 0.0], [0.0, -0.1, 0.0]])
@@ -30,7 +37,9 @@ def test_feedback_law(r, c, c_dot, reference):
 
 @given(vectors, st.floats(-3.0, 3.0), st.floats(-1.4, 1.4), st.floats(-3.0, 3.0), vectors)
 def test_allocation_adds_up_and_rights_the_body(centre, roll, pitch, yaw, spin):
-    """The sum is u_t,c; the moment about the body's axes is −40 φ − 4 φ̇ in roll and yaw, none in pitch (E7)."""
+    """The sum is u_t,c; the moment about the body's axes is −40 φ − 4 φ̇ in roll and yaw, none in
+    pitch (E7).
+    """
     rotation = pin.rpy.rpyToMatrix(roll, pitch, yaw)
     angles, thrust = np.empty(4), np.empty((2, 3))
     roll_yaw(rotation, spin, angles)
@@ -40,7 +49,9 @@ def test_allocation_adds_up_and_rights_the_body(centre, roll, pitch, yaw, spin):
     difference = thrust - 0.5 * centre
     moment = sum(np.cross(m, rotation.T @ f) for m, f in zip(MOUNTS, difference, strict=True))
     np.testing.assert_allclose(
-        moment, [-40.0 * angles[0] - 4.0 * angles[2], 0.0, -40.0 * angles[1] - 4.0 * angles[3]], atol=1e-9
+        moment,
+        [-40.0 * angles[0] - 4.0 * angles[2], 0.0, -40.0 * angles[1] - 4.0 * angles[3]],
+        atol=1e-9,
     )
 
 

@@ -1,4 +1,6 @@
-"""Ground: the law of equations.md E1 and E2 as properties, its implicit step against the law, and a sled on a slope."""
+"""Ground: the law of equations.md E1 and E2 as properties, its implicit step against the law, and a
+sled on a slope.
+"""
 
 import numpy as np
 import pytest
@@ -42,8 +44,12 @@ def grounds(draw, cone=cones):
 
 
 def stribeck(ground, speed, normal, static=1.0):
-    """Magnitude of E2 at a speed, regularisation aside, written from the page; on a place of another friction."""
-    mu = ground.mu_c + (ground.mu_s - ground.mu_c) * np.exp(-((speed / ground.stribeck_velocity) ** 2))
+    """Magnitude of E2 at a speed, regularisation aside, written from the page; on a place of
+    another friction.
+    """
+    mu = ground.mu_c + (ground.mu_s - ground.mu_c) * np.exp(
+        -((speed / ground.stribeck_velocity) ** 2)
+    )
     return static * mu * normal + ground.mu_v * speed
 
 
@@ -57,21 +63,29 @@ def solve(ground, mobility, free, height, dt, guess=None, static=1.0):
 
 
 def violation(ground, mobility, free, height, dt, force, static=1.0):
-    """By how much forces break E1 and E2 at the end of the step, N, relative to 1 N + the largest force."""
+    """By how much forces break E1 and E2 at the end of the step, N, relative to 1 N + the largest
+    force.
+    """
     velocity = (free + mobility @ force).reshape(-1, 3)
     worst = 0.0
     statics = np.broadcast_to(static, len(height))
     for (fx, fy, fz), u, h, mu in zip(force.reshape(-1, 3), velocity, height, statics, strict=True):
         end = h + dt * u[2]
         damped = ground.damping * max(-u[2], 0.0)
-        # At the surface the damper sets in with a jump: any force up to the damper's is lawful there.
+        # At the surface the damper sets in with a jump: any force up to the damper's is lawful
+        # there.
         spring = ground.stiffness * max(-end, 0.0)
         low = spring + (damped if end < -1e-13 else 0.0)
         high = spring + (damped if end < 1e-13 else 0.0)
         worst = max(worst, low - fz, fz - high, -fz)
-        pairs = [((fx,), u[:1]), ((fy,), u[1:2])] if ground.cone == "per_axis" else [((fx, fy), u[:2])]
+        pairs = (
+            [((fx,), u[:1]), ((fy,), u[1:2])] if ground.cone == "per_axis" else [((fx, fy), u[:2])]
+        )
         for friction, slip in pairs:
-            size, speed = np.hypot(*friction, 0.0) if len(friction) == 1 else np.hypot(*friction), np.linalg.norm(slip)
+            size, speed = (
+                np.hypot(*friction, 0.0) if len(friction) == 1 else np.hypot(*friction),
+                np.linalg.norm(slip),
+            )
             if speed <= 1e-9:
                 worst = max(worst, size - mu * ground.mu_s * fz)
             elif fz > 0.0:
@@ -95,7 +109,9 @@ def test_step_obeys_the_law_at_its_end(ground, seed, feet, alike):
 
 @given(ground=grounds(), seed=seeds, share=st.floats(0.0, 0.3))
 def test_step_obeys_the_law_where_the_damper_sets_in(ground, seed, share):
-    """A foot that would pass the surface by little: the damper's jump holds it at the surface, it does not throw it."""
+    """A foot that would pass the surface by little: the damper's jump holds it at the surface, it
+    does not throw it.
+    """
     mobility, free, _, dt = draw_contact(seed, 1)
     free[2] = -abs(free[2])
     height = np.array([-(1.0 - share) * dt * free[2]])
@@ -105,7 +121,9 @@ def test_step_obeys_the_law_where_the_damper_sets_in(ground, seed, share):
 
 
 def test_step_nearly_always_converges():
-    """Gauss–Seidel has no guarantee for strongly coupled, unlike feet: it says so, and it is rare."""
+    """Gauss–Seidel has no guarantee for strongly coupled, unlike feet: it says so, and it is
+    rare.
+    """
     failed, contacts = 0, 0
     for seed in range(2000):
         ground = Ground(mu_s=[0.25, 0.8][seed % 2], cone=CONES[seed // 2 % 2])
@@ -148,10 +166,14 @@ MASS = 2.0
 
 
 def slide(sled, ground, slope, heading, dt, duration):
-    """Sled at rest on a slope that falls along ``heading``; returns path and velocity along the ground."""
+    """Sled at rest on a slope that falls along ``heading``; returns path and velocity along the
+    ground.
+    """
     down = 9.81 * np.sin(slope)
     gravity = np.array([down * np.cos(heading), down * np.sin(heading), -9.81 * np.cos(slope)])
-    simulator = put(Simulator(sled, ground, dt=dt, gravity=gravity), z=MASS * gravity[2] / ground.stiffness)
+    simulator = put(
+        Simulator(sled, ground, dt=dt, gravity=gravity), z=MASS * gravity[2] / ground.stiffness
+    )
     for _ in range(round(duration / dt)):
         simulator.advance(NO_COMMAND)
         assert simulator.sweeps <= 500
@@ -169,13 +191,22 @@ def slide_exactly(ground, slope, heading, duration):
         if ground.cone == "per_axis":
             # An axis whose pull the box can hold does not start.
             moving = np.abs(pull) > ground.mu_s * normal
-            friction = np.array([-stribeck(ground, abs(u), normal) * np.sign(p) for u, p in zip(v, pull, strict=True)])
+            friction = np.array(
+                [
+                    -stribeck(ground, abs(u), normal) * np.sign(p)
+                    for u, p in zip(v, pull, strict=True)
+                ]
+            )
             acceleration = np.where(moving, (pull + friction) / MASS, 0.0)
         else:
-            acceleration = (pull - stribeck(ground, np.linalg.norm(v), normal) * pull / np.linalg.norm(pull)) / MASS
+            acceleration = (
+                pull - stribeck(ground, np.linalg.norm(v), normal) * pull / np.linalg.norm(pull)
+            ) / MASS
         return np.concatenate((v, acceleration))
 
-    found = solve_ivp(slope_of, (0, duration), np.zeros(4), rtol=1e-10, atol=1e-12, max_step=duration / 200)
+    found = solve_ivp(
+        slope_of, (0, duration), np.zeros(4), rtol=1e-10, atol=1e-12, max_step=duration / 200
+    )
     return found.y[:2, -1], found.y[2:, -1]
 
 
@@ -199,10 +230,18 @@ def test_threshold_of_sliding(sled, cone):
 
 @pytest.mark.parametrize(
     ("cone", "slope", "heading"),
-    [("circular", 20, 0.0), ("circular", 20, 0.7), ("per_axis", 20, 0.0), ("per_axis", 30, 0.7), ("per_axis", 20, 0.6)],
+    [
+        ("circular", 20, 0.0),
+        ("circular", 20, 0.7),
+        ("per_axis", 20, 0.0),
+        ("per_axis", 30, 0.7),
+        ("per_axis", 20, 0.6),
+    ],
 )
 def test_sliding_down_a_slope(sled, cone, slope, heading):
-    """Against the law's own differential equation: the error is of order one in the step, and small."""
+    """Against the law's own differential equation: the error is of order one in the step, and
+    small.
+    """
     ground = Ground(cone=cone)
     true_path, true_velocity = slide_exactly(ground, np.radians(slope), heading, 1.0)
     assert np.linalg.norm(true_path) > 0.05

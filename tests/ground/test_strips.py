@@ -22,7 +22,9 @@ def slide_to_rest(plant, speed):
 
 
 def test_a_sled_crosses_ice_as_coulomb_has_it_and_better_at_half_the_step(sled):
-    """A foot is at most one step late at each edge: less than the way of two steps, at either step."""
+    """A foot is at most one step late at each edge: less than the way of two steps, at either
+    step.
+    """
     ice = (0.1, 0.3, 0.05)
     ground = Ground(mu_s=0.3, mu_c=0.3, mu_v=0.0, friction_strips=(ice,))
     begin, end, slippery = ice  # every metre takes 2 μ g off the square of the speed
@@ -35,7 +37,9 @@ def test_a_sled_crosses_ice_as_coulomb_has_it_and_better_at_half_the_step(sled):
 
 
 def test_mujoco_slides_with_the_friction_of_the_place(sled):
-    """At every step in which the sled slides, ratio of forces by where it was when the step began."""
+    """At every step in which the sled slides, ratio of forces by where it was when the step
+    began.
+    """
     ground = Ground(mu_s=0.3, friction_strips=((0.1, 0.3, 0.05),))
     plant = MujocoPlant(sled, ground)
     put(plant, v=(1.0, 0.0, 0.0, 0.0, 0.0, 0.0))
@@ -57,7 +61,9 @@ def test_every_foot_of_a_walk_is_inside_its_own_cone_and_ice_is_felt(plant):
     trusting = Condensed(parameters={"estimate_friction": False})
     run = walked(controller=trusting, plant=plant, ground=ground, duration=2.5)
     x, force = run["foot_position"][..., 0], run["foot_force"]
-    clear = np.min([abs(x - edge) for edge in ice[:2]], axis=0) > 2e-3  # not where it crosses an edge within a step
+    clear = (
+        np.min([abs(x - edge) for edge in ice[:2]], axis=0) > 2e-3
+    )  # not where it crosses an edge within a step
     used = np.hypot(force[..., 0], force[..., 1]) - ground.friction(x) * force[..., 2]
     assert used[clear].max() <= 1e-6 if plant == "compliant" else used[clear].max() <= 1e-3
     on_ice = (ice[0] < x) & (x < ice[1]) & (force[..., 2] > 5.0)
@@ -70,7 +76,8 @@ def test_every_foot_of_a_walk_is_inside_its_own_cone_and_ice_is_felt(plant):
 def test_friction_of_places():
     ground = Ground(mu_s=0.8, friction_strips=((0.6, 1.2, 0.15), (1.2, 2.0, 0.5)))
     np.testing.assert_array_equal(
-        ground.friction([0.0, 0.599, 0.6, 1.1999, 1.2, 2.0, np.nan]), [0.8, 0.8, 0.15, 0.15, 0.5, 0.8, 0.8]
+        ground.friction([0.0, 0.599, 0.6, 1.1999, 1.2, 2.0, np.nan]),
+        [0.8, 0.8, 0.15, 0.15, 0.5, 0.8, 0.8],
     )
 
 
@@ -78,7 +85,9 @@ def test_a_strip_keeps_the_ratio_of_the_grounds_coefficients():
     strip = Ground(mu_s=0.8, mu_c=0.4, friction_strips=((0.0, 1.0, 0.2),)).record["strip"][0, 0]
     np.testing.assert_allclose(strip, (0.0, 1.0, 0.2, 0.1), rtol=1e-15)
     np.testing.assert_allclose(
-        Ground(mu_s=0.0, friction_strips=((0.0, 1.0, 0.2),)).record["strip"][0, 0, 3], 0.18, rtol=1e-15
+        Ground(mu_s=0.0, friction_strips=((0.0, 1.0, 0.2),)).record["strip"][0, 0, 3],
+        0.18,
+        rtol=1e-15,
     )
 
 
@@ -99,7 +108,9 @@ SOFT = Ground(mu_s=0.5, stiffness_strips=((0.5, 1.0, 2000.0), (1.0, 2.0, 32000.0
 
 
 @pytest.mark.parametrize("kind", [Simulator, MujocoPlant])
-@pytest.mark.parametrize(("x", "stiffness"), [(0.0, 8000.0), (0.7, 2000.0), (1.0, 32000.0), (2.0, 8000.0)])
+@pytest.mark.parametrize(
+    ("x", "stiffness"), [(0.0, 8000.0), (0.7, 2000.0), (1.0, 32000.0), (2.0, 8000.0)]
+)
 def test_it_rests_as_deep_as_the_place_is_soft(sled, kind, x, stiffness):
     assert float(SOFT.stiffness_at(x)) == stiffness
     plant = put(kind(sled, SOFT), x=x, z=0.0)
@@ -109,7 +120,9 @@ def test_it_rests_as_deep_as_the_place_is_soft(sled, kind, x, stiffness):
 
 @pytest.mark.parametrize("kind", [Simulator, MujocoPlant])
 def test_a_strip_is_a_ground_of_its_stiffness(sled, kind):
-    """A mass that drops onto it moves as on a ground with that stiffness, whose damping has the usual ratio."""
+    """A mass that drops onto it moves as on a ground with that stiffness, whose damping has the
+    usual ratio.
+    """
     paths = []
     for ground in (SOFT, Ground(mu_s=0.5, stiffness=2000.0)):
         plant = put(kind(sled, ground), x=0.7, z=0.02)
@@ -126,7 +139,11 @@ def test_a_strip_is_a_ground_of_its_stiffness(sled, kind):
 def test_harpy_walks_over_a_strip_of_half_the_stiffness(plant):
     run = walked(mu_s=0.8, stiffness_strips=((0.1, 0.35, 4000.0),), plant=plant, duration=2.5)
     assert run.ending == "completed"
-    x, depth, force = run["foot_position"][..., 0], -run["foot_position"][..., 2], run["foot_force"][..., 2]
+    x, depth, force = (
+        run["foot_position"][..., 0],
+        -run["foot_position"][..., 2],
+        run["foot_force"][..., 2],
+    )
     still = (np.abs(run["foot_velocity"][..., 2]) < 5e-3) & (force > 10.0)
     for on, stiffness in (((x > 0.1) & (x < 0.35), 4000.0), (x > 0.35, 8000.0)):
         assert (still & on).sum() > 50

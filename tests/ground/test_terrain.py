@@ -1,4 +1,6 @@
-"""Terrains: heights and normals against their definitions, their form in files, and what they refuse."""
+"""Terrains: heights and normals against their definitions, their form in files, and what they
+refuse.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +14,16 @@ from hypothesis import strategies as st
 import harpy_pin as hp
 from harpy_pin.errors import InputError
 from harpy_pin.ground.surface import MAX_CELLS
-from harpy_pin.ground.terrain import TERRAINS, HeightField, Plane, Ramp, Rough, Stairs, Terrain, read_terrain
+from harpy_pin.ground.terrain import (
+    TERRAINS,
+    HeightField,
+    Plane,
+    Ramp,
+    Rough,
+    Stairs,
+    Terrain,
+    read_terrain,
+)
 
 WAVES = HeightField(
     heights=tuple(tuple(0.1 * np.sin(i) * np.cos(2.0 * j) for j in range(9)) for i in range(7)),
@@ -33,7 +44,9 @@ places = st.floats(-20.0, 20.0)
 def own_height(terrain: Terrain, x: float, y: float) -> float:
     """The height as the docstrings of the kinds say it."""
     if isinstance(terrain, Plane):
-        return float(np.tan(terrain.slope) * (x * np.cos(terrain.heading) + y * np.sin(terrain.heading)))
+        return float(
+            np.tan(terrain.slope) * (x * np.cos(terrain.heading) + y * np.sin(terrain.heading))
+        )
     if isinstance(terrain, Ramp):
         return float(np.tan(terrain.slope) * np.clip(x - terrain.start, 0.0, terrain.length))
     if isinstance(terrain, Stairs):
@@ -67,7 +80,9 @@ def test_height_is_the_one_defined(terrain, x, y):
 def test_normal_is_across_the_surface(terrain, x, y):
     """By differences of the height, away from the edges of pieces and cells."""
     step = 1e-6
-    around = [terrain.height(x + a * step, y + b * step) for a, b in ((1, 0), (-1, 0), (0, 1), (0, -1))]
+    around = [
+        terrain.height(x + a * step, y + b * step) for a, b in ((1, 0), (-1, 0), (0, 1), (0, -1))
+    ]
     ahead, behind, left, right = (float(h) for h in around)
     here = float(terrain.height(x, y))
     if max(abs(ahead + behind - 2 * here), abs(left + right - 2 * here)) > 1e-11:
@@ -98,7 +113,10 @@ def test_all_kinds_have_one_layout():
 
 
 def test_slope_is_a_plane():
-    assert hp.Ground(slope=0.2).record.tobytes() == hp.Ground(terrain=Plane(slope=0.2)).record.tobytes()
+    assert (
+        hp.Ground(slope=0.2).record.tobytes()
+        == hp.Ground(terrain=Plane(slope=0.2)).record.tobytes()
+    )
     assert hp.Ground(slope=0.2).surface == Plane(slope=0.2)
     assert hp.Ground().surface is None
 
@@ -109,7 +127,10 @@ def test_slope_is_a_plane():
         (lambda: hp.Ground(slope=0.1, terrain=Plane(slope=0.1)), "a slope or a terrain, not both"),
         (lambda: hp.Ground(terrain="hills"), "valid names: height_field, plane"),
         (lambda: hp.Ground(terrain=3), "terrain must be one of"),
-        (lambda: hp.Ground(terrain={"name": "plane", "angle": 0.1}), "setting of the terrain 'plane'"),
+        (
+            lambda: hp.Ground(terrain={"name": "plane", "angle": 0.1}),
+            "setting of the terrain 'plane'",
+        ),
         (lambda: hp.Ground(terrain={"name": "height_field"}), "terrain 'height_field'"),
         (lambda: hp.Ground(terrain={"slope": 0.1}), "terrain"),
         (lambda: Plane().height([0.0, 1.0], [0.0]), "one shape"),

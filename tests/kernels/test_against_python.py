@@ -37,7 +37,11 @@ def functions(a, out):
     out[0], out[1], out[2] = np.sqrt(x), np.sin(x), np.cos(y)
     out[3], out[4], out[5] = np.tanh(x), np.exp(y), np.arctan2(x, y)
     out[6], out[7], out[8] = np.arccos(x), np.hypot(x, y), np.copysign(x, y)
-    out[9], out[10], out[11] = np.floor(x), np.ceil(y), float(np.isfinite(x)) + 2.0 * float(np.isnan(y))
+    out[9], out[10], out[11] = (
+        np.floor(x),
+        np.ceil(y),
+        float(np.isfinite(x)) + 2.0 * float(np.isnan(y)),
+    )
 
 
 @given(REALS, REALS)

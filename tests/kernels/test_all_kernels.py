@@ -1,4 +1,6 @@
-"""Every kernel of the library becomes C that compilers have nothing to say about, and is that of plain Python."""
+"""Every kernel of the library becomes C that compilers have nothing to say about, and is that of
+plain Python.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +20,15 @@ from harpy_pin.kernels.unit import Unit
 from harpy_pin.model.catalogue import installed_data
 
 pytestmark = needs_compiler
-WARNINGS = ("-std=c99", "-Wall", "-Wextra", "-Wconversion", "-Wdouble-promotion", "-Werror", "-Wno-unused-function")
+WARNINGS = (
+    "-std=c99",
+    "-Wall",
+    "-Wextra",
+    "-Wconversion",
+    "-Wdouble-promotion",
+    "-Werror",
+    "-Wno-unused-function",
+)
 
 
 IN_PLACE = "in_place"
@@ -79,11 +89,17 @@ def test_compilers_have_nothing_to_say(single, called, in_double, tmp_path: Path
     unit = together(called, single=True) if single else in_double
     codes = ["\n\n".join((unit.header(), unit.types(), unit.code()))]
     codes += [entry_code(kernel, types, single=single) for kernel, types in called[::20]]
-    mode = "-c" if "ziglang" in command else "-fsyntax-only"  # which zig takes for a build without a result
+    mode = (
+        "-c" if "ziglang" in command else "-fsyntax-only"
+    )  # which zig takes for a build without a result
     for n, code in enumerate(codes):  # one by one: zig links what it compiles together
         file = tmp_path / f"{n}.c"
         file.write_text(code, encoding="utf-8")
         done = subprocess.run(
-            [*command, *WARNINGS, mode, file], cwd=tmp_path, capture_output=True, text=True, check=False
+            [*command, *WARNINGS, mode, file],
+            cwd=tmp_path,
+            capture_output=True,
+            text=True,
+            check=False,
         )
         assert (done.returncode, done.stderr) == (0, "")

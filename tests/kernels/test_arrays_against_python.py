@@ -51,7 +51,13 @@ def views(m, n):
     column[:] *= 2.0
     m[1] += n
     again = m[n : n + 2][1][0:2]
-    return total, square[1, 1], again[1], part.shape[0] * 10 + part.shape[1], block.size + m.size + rows * columns
+    return (
+        total,
+        square[1, 1],
+        again[1],
+        part.shape[0] * 10 + part.shape[1],
+        block.size + m.size + rows * columns,
+    )
 
 
 @given(st.integers(0, 1), st.lists(st.floats(-9, 9), min_size=12, max_size=12))
@@ -143,7 +149,9 @@ def test_single_precision_is_only_how_elements_are_kept():
     exact = values.astype(np.float64)
     doubles = np.cumsum(exact * 0.1 + exact**2)
     np.testing.assert_array_equal(out, doubles.astype(np.float32))
-    with pytest.raises(TypeError):  # the first call decides; nothing is compiled in the middle of a run
+    with pytest.raises(
+        TypeError
+    ):  # the first call decides; nothing is compiled in the middle of a run
         single(exact, np.zeros(5))
 
 
@@ -163,7 +171,9 @@ def test_sizes_that_follow_from_a_known_truth_value():
     assert same(known_when_compiling, True, np.array([1.5])) == 9.0
 
 
-INNER = np.dtype([("gain", np.float64, (2,)), ("count", np.int64), ("double", np.float64)], align=True)
+INNER = np.dtype(
+    [("gain", np.float64, (2,)), ("count", np.int64), ("double", np.float64)], align=True
+)
 OUTER = np.dtype(
     [
         ("mass", np.float64),

@@ -1,4 +1,6 @@
-"""Compiled libraries on disk: edits are noticed, damage is mended, and no place to write to is no obstacle."""
+"""Compiled libraries on disk: edits are noticed, damage is mended, and no place to write to is no
+obstacle.
+"""
 
 from __future__ import annotations
 
@@ -71,9 +73,17 @@ def up_and_down(x):
 def run(script, folder, **environment):
     """What a process prints, and its notices."""
     known = {name: value for name, value in os.environ.items() if not name.startswith("HARPY_PIN")}
-    known |= {"HARPY_PIN_CACHE": str(folder / "cache"), "PYTHONPATH": f"{folder}:{Path.cwd()}", **environment}
-    known["PYTHONDONTWRITEBYTECODE"] = "1"  # an edit within a second, of the same size, is not seen by Python itself
-    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, env=known, cwd=folder)
+    known |= {
+        "HARPY_PIN_CACHE": str(folder / "cache"),
+        "PYTHONPATH": f"{folder}:{Path.cwd()}",
+        **environment,
+    }
+    known["PYTHONDONTWRITEBYTECODE"] = (
+        "1"  # an edit within a second, of the same size, is not seen by Python itself
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", script], capture_output=True, text=True, env=known, cwd=folder
+    )
     assert done.returncode == 0, done.stderr
     return done.stdout.strip(), done.stderr
 
@@ -88,7 +98,9 @@ def libraries(folder, name="outer"):
 
 
 def test_every_edit_is_noticed(tmp_path):
-    """In the kernel's own file, in a kernel that it calls, and in a number that it takes from elsewhere."""
+    """In the kernel's own file, in a kernel that it calls, and in a number that it takes from
+    elsewhere.
+    """
     write(tmp_path)
     printed, notice = run(SCRIPT, tmp_path)
     assert (printed, notice.count("compiling kernels")) == ("6.5", 1)
@@ -135,9 +147,14 @@ def test_a_disk_that_is_full(tmp_path, monkeypatch):
 
 def test_two_processes_at_once(tmp_path):
     write(tmp_path)
-    known = os.environ | {"HARPY_PIN_CACHE": str(tmp_path / "cache"), "PYTHONPATH": f"{tmp_path}:{Path.cwd()}"}
+    known = os.environ | {
+        "HARPY_PIN_CACHE": str(tmp_path / "cache"),
+        "PYTHONPATH": f"{tmp_path}:{Path.cwd()}",
+    }
     both = [
-        subprocess.Popen([sys.executable, "-c", SCRIPT], stdout=subprocess.PIPE, env=known, cwd=tmp_path)
+        subprocess.Popen(
+            [sys.executable, "-c", SCRIPT], stdout=subprocess.PIPE, env=known, cwd=tmp_path
+        )
         for _ in range(2)
     ]
     assert [process.communicate()[0].strip() for process in both] == [b"6.5", b"6.5"]
@@ -152,7 +169,8 @@ def test_without_a_compiler_a_call_says_what_to_install(tmp_path):
     empty.mkdir()
     script = (
         "import sys\nsys.modules['ziglang'] = None\nfrom edited import outer\nprint('imported')\n"
-        "from harpy_pin import HarpyError\ntry:\n    outer(3.0)\nexcept HarpyError as error:\n    print(error)"
+        "from harpy_pin import HarpyError\ntry:\n    outer(3.0)\nexcept HarpyError as error:\n    "
+        "print(error)"
     )
     printed, notice = run(script, tmp_path, PATH=str(empty), CC="")
     assert printed.startswith("imported\nthe kernel 'outer' ")
@@ -171,7 +189,10 @@ def test_a_compiler_that_does_not_work(tmp_path):
 def test_clang_gets_no_flags_that_it_refuses(tmp_path):
     write(tmp_path)
     clang = tmp_path / "clang"
-    refuses = f"case $1 in --version) echo clang version 14 ;; esac\ncase $* in *{compiler.VECTORS}*) exit 1 ;; esac"
+    refuses = (
+        f"case $1 in --version) echo clang version 14 ;; esac\ncase $* in "
+        f"*{compiler.VECTORS}*) exit 1 ;; esac"
+    )
     clang.write_text(f'#!/bin/sh\n{refuses}\nexec {" ".join(compiler.compiler())} "$@"\n')
     clang.chmod(0o700)
     assert run(SCRIPT, tmp_path, CC=str(clang))[0] == "6.5"
@@ -179,7 +200,9 @@ def test_clang_gets_no_flags_that_it_refuses(tmp_path):
 
 
 def test_a_library_in_parts(monkeypatch, tmp_path):
-    """A long function, and a short one, are called from several parts; the short one calls another long one."""
+    """A long function, and a short one, are called from several parts; the short one calls another
+    long one.
+    """
     monkeypatch.setattr(compiler, "folder", lambda: tmp_path)
     monkeypatch.setattr(unit, "PART", 250)
     monkeypatch.setattr(unit, "SHORT", 120)
@@ -226,10 +249,12 @@ def test_results_do_not_depend_on_where_they_come_from(tmp_path):
     """A kernel of arrays: compiled, and loaded from the disk."""
     (tmp_path / "edited.py").write_text(
         "import numpy as np\nfrom harpy_pin.kernels import kernel\n\n@kernel\ndef outer(x, out):\n"
-        "    for i in range(x.shape[0]):\n        out[i] = np.sin(x[i]) / (1.0 + x[i] * x[i]) - 0.1\n"
+        "    for i in range(x.shape[0]):\n        out[i] = np.sin(x[i]) / (1.0 + x[i] * x[i]) - "
+        "0.1\n"
     )
     script = (
-        "import numpy as np\nfrom edited import outer\nx = np.linspace(-3, 3, 50)\ny = np.zeros(50)\n"
+        "import numpy as np\nfrom edited import outer\nx = np.linspace(-3, 3, 50)\ny = "
+        "np.zeros(50)\n"
         "outer(x, y)\nprint(y.tobytes().hex())"
     )
     found = run(script, tmp_path)[0]
@@ -240,7 +265,9 @@ def test_results_do_not_depend_on_where_they_come_from(tmp_path):
 
 
 def _forged(path, data):
-    """With the checksum that belongs to the name, as somebody would make it who reads the source."""
+    """With the checksum that belongs to the name, as somebody would make it who reads the
+    source.
+    """
     path.write_bytes(data + compiler._checksum(path.name, data))
 
 
@@ -255,10 +282,14 @@ ATTACKS = {
     "a pipe": lambda path, data, other: os.mkfifo(path),
     "a link to a device": lambda path, data, other: path.symlink_to("/dev/zero"),
     "a link to another library": lambda path, data, other: path.symlink_to(other),
-    "a file without an end": lambda path, data, other: os.truncate(os.open(path, os.O_CREAT | os.O_RDWR), 1 << 40),
+    "a file without an end": lambda path, data, other: os.truncate(
+        os.open(path, os.O_CREAT | os.O_RDWR), 1 << 40
+    ),
     "writable by others": lambda path, data, other: (path.write_bytes(data), path.chmod(0o666)),
     "a lock that is a pipe": lambda path, data, other: os.mkfifo(path.with_suffix(".lock")),
-    "a lock that is a link": lambda path, data, other: path.with_suffix(".lock").symlink_to("/dev/zero"),
+    "a lock that is a link": lambda path, data, other: path.with_suffix(".lock").symlink_to(
+        "/dev/zero"
+    ),
 }
 
 
@@ -302,7 +333,9 @@ def test_a_folder_that_others_can_write_to_is_not_used(mode, tmp_path):
     assert notice.count("are not kept") == 1
     assert "others can write to it" in notice
     assert libraries(tmp_path) == []
-    printed, notice = run(SCRIPT, tmp_path, HARPY_PIN_CACHE="", XDG_CACHE_HOME=str(tmp_path / "cache"))
+    printed, notice = run(
+        SCRIPT, tmp_path, HARPY_PIN_CACHE="", XDG_CACHE_HOME=str(tmp_path / "cache")
+    )
     assert "are not kept" not in notice
     assert (tmp_path / "cache" / "harpy_pin").stat().st_mode & 0o777 == 0o700
 

@@ -23,7 +23,9 @@ from harpy_pin.kernels.calls import Call, Chain
 from harpy_pin.simulation import ticks
 
 pytestmark = needs_compiler
-RECORD = np.dtype([("mass", np.float64), ("force", np.float64, (2,)), ("count", np.int64)], align=True)
+RECORD = np.dtype(
+    [("mass", np.float64), ("force", np.float64, (2,)), ("count", np.int64)], align=True
+)
 
 
 @kernel
@@ -111,7 +113,9 @@ def pickled(array):
 
 
 def test_pickled_arrays_are_taken_in_one_crossing(monkeypatch):
-    """By the versions that there are; what has other elements, or another order of bytes, is not."""
+    """By the versions that there are; what has other elements, or another order of bytes, is
+    not.
+    """
     change(numbers(), 2.0, 1, True)
     slow = []
     monkeypatch.setattr(type(change), "slowly", lambda self, *arguments: slow.append(arguments))
@@ -257,7 +261,9 @@ def test_no_reference_is_lost_or_kept():
     grown = tracemalloc.get_traced_memory()[0] - base
     tracemalloc.stop()
     after = [sys.getrefcount(one) for one in watched]
-    assert all(abs(b - c) < 50 for b, c in zip(before, after, strict=True)), list(zip(before, after, strict=True))
+    assert all(abs(b - c) < 50 for b, c in zip(before, after, strict=True)), list(
+        zip(before, after, strict=True)
+    )
     assert grown < 50_000
 
 
@@ -299,7 +305,9 @@ def test_many_threads_compile_and_call():
         return a[0]
 
     results = []
-    threads = [threading.Thread(target=lambda: results.append(fresh(np.zeros(2), 1.5))) for _ in range(8)]
+    threads = [
+        threading.Thread(target=lambda: results.append(fresh(np.zeros(2), 1.5))) for _ in range(8)
+    ]
     for thread in threads:
         thread.start()
     for thread in threads:
@@ -312,8 +320,19 @@ def test_what_calls_kernels_compiles_without_a_warning(file, tmp_path):
     command = compiler.compiler()
     assert command is not None
     head, source = Path(bridge.__file__).with_name("calls.h"), Path(file).with_suffix(".c")
-    warnings = ("-std=c99", "-Wall", "-Wextra", "-Wconversion", "-Werror", "-c", "-o", str(tmp_path / "made.o"))
-    done = subprocess.run([*command, *warnings, "-include", head, source], capture_output=True, text=True, check=False)
+    warnings = (
+        "-std=c99",
+        "-Wall",
+        "-Wextra",
+        "-Wconversion",
+        "-Werror",
+        "-c",
+        "-o",
+        str(tmp_path / "made.o"),
+    )
+    done = subprocess.run(
+        [*command, *warnings, "-include", head, source], capture_output=True, text=True, check=False
+    )
     assert done.returncode == 0, done.stderr
 
 
@@ -322,7 +341,9 @@ class Wider:
 
 
 def test_objects_that_lie_otherwise_are_refused(monkeypatch):
-    """As those of a Python without its global lock do, or those of a Python that is not known yet."""
+    """As those of a Python without its global lock do, or those of a Python that is not known
+    yet.
+    """
     with monkeypatch.context() as known:
         known.setattr(bridge, "Caller", Wider)
         with pytest.raises(HarpyError, match=r"cannot be called from Python [\d.]+ with NumPy"):

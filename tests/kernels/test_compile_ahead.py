@@ -17,7 +17,9 @@ pytestmark = needs_compiler
 def run(*arguments: str, folder: Path) -> subprocess.CompletedProcess[str]:
     command = [sys.executable, "-m", "harpy_pin", *arguments]
     environment = {**os.environ, "HARPY_PIN_CACHE": str(folder), "COLUMNS": "200"}
-    return subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True, check=False)
+    return subprocess.run(
+        command, cwd=ROOT, env=environment, capture_output=True, text=True, check=False
+    )
 
 
 QP = ("--set", "controller=wbc")
@@ -42,7 +44,12 @@ def test_what_is_compiled_ahead_is_not_compiled_again(tmp_path: Path) -> None:
     assert str(tmp_path) in summary
     before = libraries(tmp_path)
     assert int(summary.split()[0]) == len(before)
-    for options in ([], [*QP], [*QP, "--set", "controller.solver=active_set"], ["--set", "controller=governed"]):
+    for options in (
+        [],
+        [*QP],
+        [*QP, "--set", "controller.solver=active_set"],
+        ["--set", "controller=governed"],
+    ):
         assert run("walk", "--duration", "0.01", *options, folder=tmp_path).returncode == 0
     assert libraries(tmp_path) == before
     assert run("compile", folder=tmp_path).stdout.splitlines()[-2].startswith("0 libraries")

@@ -1,6 +1,8 @@
-"""Arrays that kernels compute: what C gives is what NumPy gives, in every bit but for the order of sums.
+"""Arrays that kernels compute: what C gives is what NumPy gives, in every bit but for the order of
+sums.
 
-Which of two zeros of different signs is the larger one NumPy leaves open, too: ``0.0 +`` makes them one.
+Which of two zeros of different signs is the larger one NumPy leaves open, too: ``0.0 +`` makes them
+one.
 """
 
 from __future__ import annotations
@@ -21,7 +23,9 @@ pytestmark = needs_compiler
 def reals(*shape):
     """Arrays of numbers of all kinds."""
     count = int(np.prod(shape))
-    return st.lists(REALS, min_size=count, max_size=count).map(lambda numbers: np.array(numbers).reshape(shape))
+    return st.lists(REALS, min_size=count, max_size=count).map(
+        lambda numbers: np.array(numbers).reshape(shape)
+    )
 
 
 @kernel
@@ -46,7 +50,15 @@ def three(r, a, b, out, s: float):
     a[1:] *= np.where(b[1:] > 0.0, -v, s)
     y = turned(skew(a), 2.0 * b)
     r[1] -= turned(r, y)
-    return np.sqrt(abs(a @ b)), np.sum(-a), 0.0 + np.max(np.abs(b)), 0.0 + np.min(a), np.dot(a, a - b), w, y[1]
+    return (
+        np.sqrt(abs(a @ b)),
+        np.sum(-a),
+        0.0 + np.max(np.abs(b)),
+        0.0 + np.min(a),
+        np.dot(a, a - b),
+        w,
+        y[1],
+    )
 
 
 @given(reals(3, 3), reals(3), reals(3), reals(3), REALS)
@@ -198,5 +210,7 @@ def two_kinds(a, n: int):
     ],
 )
 def test_refusals_name_the_line(function, arguments, reason):
-    with pytest.raises(KernelError, match=rf"test_computed_arrays.py:\d+: {function.py_func.__name__}: .*{reason}"):
+    with pytest.raises(
+        KernelError, match=rf"test_computed_arrays.py:\d+: {function.py_func.__name__}: .*{reason}"
+    ):
         function(*arguments)

@@ -1,4 +1,6 @@
-"""Kernels that Python may call: arrays of the wrong size are refused, and nothing around an array is touched."""
+"""Kernels that Python may call: arrays of the wrong size are refused, and nothing around an array
+is touched.
+"""
 
 import importlib
 import pkgutil
@@ -28,14 +30,28 @@ GUARD, CANARY = 32, 1.2345e67
 
 
 def checked_kernels():
-    """Kernels that say the sizes of their arrays, but for those whose sizes are of a controller's record."""
-    both = (pkgutil.walk_packages(package.__path__, f"{package.__name__}.") for package in (harpy_pin, reproduction))
+    """Kernels that say the sizes of their arrays, but for those whose sizes are of a controller's
+    record.
+    """
+    both = (
+        pkgutil.walk_packages(package.__path__, f"{package.__name__}.")
+        for package in (harpy_pin, reproduction)
+    )
     for module in chain(*both):
         if not module.name.endswith("__main__"):
             for name, value in vars(importlib.import_module(module.name)).items():
-                own = isinstance(value, Kernel) and value.__module__ == module.name and not name.startswith("_")
+                own = (
+                    isinstance(value, Kernel)
+                    and value.__module__ == module.name
+                    and not name.startswith("_")
+                )
                 array = value.py_func.__annotations__.get("return") == "Vector" if own else False
-                if own and value._shapes and not array and not any(map(_of_part, value._shapes.values())):
+                if (
+                    own
+                    and value._shapes
+                    and not array
+                    and not any(map(_of_part, value._shapes.values()))
+                ):
                     yield f"{module.name}.{name}", value
 
 
@@ -49,8 +65,9 @@ KERNELS = dict(checked_kernels())
 
 @pytest.fixture(scope="module")
 def records(robot):
-    """An example of every record that a kernel takes, by the name of its argument and, where that is not enough, the
-    kernel's."""
+    """An example of every record that a kernel takes, by the name of its argument and, where that
+    is not enough, the kernel's.
+    """
     model = PlanarModel.from_robot(robot)
     walk = walk_record(PlanarGait(), PlanarJoints(), period=1e-3)
     leg = LegGeometry.from_robot(robot, robot.feet[0])
@@ -58,7 +75,11 @@ def records(robot):
     return {
         "leg": leg.record[0],
         "gains": reduced[0],
-        "model": {"axial_force": reduced[0], "planar_step": model.record, "planar_control": model.record[0]},
+        "model": {
+            "axial_force": reduced[0],
+            "planar_step": model.record,
+            "planar_control": model.record[0],
+        },
         "p": {"explicit_update": ExplicitReferenceGovernor(ForceRows(mass=4.0, mu=0.3))._record[0]},
         "walk": walk[0],
         "gait": walk[0],
@@ -91,12 +112,17 @@ def sizes_of(shape, record, numbers):
 
 
 def guarded(shape):
-    """An array in the middle of a larger buffer, and a function that says whether the rest of it is untouched."""
+    """An array in the middle of a larger buffer, and a function that says whether the rest of it is
+    untouched.
+    """
     size = int(np.prod(shape))
     buffer = np.full(size + 2 * GUARD, CANARY)
     inner = buffer[GUARD : GUARD + size].reshape(shape)
     inner[...] = 0.1
-    return inner, lambda: (buffer[:GUARD] == CANARY).all() and (buffer[GUARD + size :] == CANARY).all()
+    return (
+        inner,
+        lambda: (buffer[:GUARD] == CANARY).all() and (buffer[GUARD + size :] == CANARY).all(),
+    )
 
 
 def arguments_of(name, function, records):
@@ -111,7 +137,11 @@ def arguments_of(name, function, records):
         elif isinstance(shape, str) and "." not in shape:
             given[argument] = 2
         else:
-            record = None if not isinstance(shape, str) else record_of(records, name, shape.split(".")[0])
+            record = (
+                None
+                if not isinstance(shape, str)
+                else record_of(records, name, shape.split(".")[0])
+            )
             given[argument], check = guarded(sizes_of(shape, record, {"n": 2, "m": 2}))
             intact.append(check)
         if argument == "law":
@@ -157,18 +187,24 @@ def test_wrong_arrays_are_refused_and_right_ones_leave_their_surroundings(path, 
             ]
             wrong += [
                 array
-                for array in (np.zeros(rng.integers(0, 20, rng.integers(0, 4))) for _ in range(10 * fuzz))
+                for array in (
+                    np.zeros(rng.integers(0, 20, rng.integers(0, 4))) for _ in range(10 * fuzz)
+                )
                 if array.ndim != right.ndim
             ]
         for value in wrong:
-            before = {key: value.copy() for key, value in given.items() if isinstance(value, np.ndarray)}
+            before = {
+                key: value.copy() for key, value in given.items() if isinstance(value, np.ndarray)
+            }
             with pytest.raises(InputError) as caught:
                 function(**{**given, argument: value})
             # Where two arrays should agree in a size and do not, either may be named.
             assert caught.value.name == argument or caught.value.name in function._shapes
             assert f"{caught.value.name} of {name} must be" in str(caught.value)
             numbers = {key: array for key, array in before.items() if array.dtype.names is None}
-            assert all(np.array_equal(given[key], array, equal_nan=True) for key, array in numbers.items())
+            assert all(
+                np.array_equal(given[key], array, equal_nan=True) for key, array in numbers.items()
+            )
         assert all(check() for check in intact)
 
 
@@ -209,7 +245,10 @@ def test_kernels_reach_each_other_as_they_are():
 
     assert outer(np.ones(3)) == 2.0
     assert outer(np.ones(1)) == 2.0  # not checked
-    with pytest.raises(InputError, match=r"x of inner must be a float64 array of shape \(3,\), got float64 of shape"):
+    with pytest.raises(
+        InputError,
+        match=r"x of inner must be a float64 array of shape \(3,\), got float64 of shape",
+    ):
         inner(np.ones(1))
 
 

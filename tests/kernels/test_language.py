@@ -1,4 +1,6 @@
-"""What kernels may not say: refused with its place. And what a known type of array says about itself."""
+"""What kernels may not say: refused with its place. And what a known type of array says about
+itself.
+"""
 
 import numpy as np
 import pytest

@@ -1,4 +1,6 @@
-"""Assignments, tuples, calls and names in kernels: what C gives is what plain Python gives, in every bit."""
+"""Assignments, tuples, calls and names in kernels: what C gives is what plain Python gives, in
+every bit.
+"""
 
 import numpy as np
 import pytest
@@ -246,10 +248,32 @@ def c_names(a):
     fabs, sqrt, real, integer, bool_, slot, inside = 7.0, 8.0, 9.0, 10.0, 11.0, 12.0, 13.0
     result, value, values, next_, i_, j_, round = 14.0, 15.0, 16.0, 17.0, 18.0, 19.0, 20.0
     I, printf = 21.0, 22.0  # noqa: E741
-    total = short + long + register + signed + union + default + fabs + sqrt + real + integer + bool_ + slot + inside
-    total += result + value + values + next_ + i_ + j_ + round + I + printf + abs(-a[0]) + np.sqrt(a[3])
+    total = (
+        short
+        + long
+        + register
+        + signed
+        + union
+        + default
+        + fabs
+        + sqrt
+        + real
+        + integer
+        + bool_
+        + slot
+        + inside
+    )
+    total += (
+        result + value + values + next_ + i_ + j_ + round + I + printf + abs(-a[0]) + np.sqrt(a[3])
+    )
     x, y = results_rr(a[0])
-    total += double(y1(x)) + exp(y) + entry(x) + real_min(a_size=a[1], a=a[1:]) + capitals(1.0, 2.0, 3.0, 4.0)
+    total += (
+        double(y1(x))
+        + exp(y)
+        + entry(x)
+        + real_min(a_size=a[1], a=a[1:])
+        + capitals(1.0, 2.0, 3.0, 4.0)
+    )
     a[0:2] = total
     return total
 

@@ -1,4 +1,6 @@
-"""The language of kernels on its own feet: it knows no robots, and whoever describes one does without it."""
+"""The language of kernels on its own feet: it knows no robots, and whoever describes one does
+without it.
+"""
 
 import ast
 import subprocess
@@ -16,7 +18,11 @@ def test_it_knows_nothing_of_robots():
         for node in ast.walk(ast.parse(path.read_text())):
             names = [node.module or "."] if isinstance(node, ast.ImportFrom) else []
             names += [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
-            others = {name for name in names if name.startswith((".", "harpy_pin")) and "harpy_pin.kernels" not in name}
+            others = {
+                name
+                for name in names
+                if name.startswith((".", "harpy_pin")) and "harpy_pin.kernels" not in name
+            }
             assert others <= {"harpy_pin.errors"}, path.name
 
 
@@ -26,7 +32,9 @@ import sys, harpy_pin as hp
 hp.load_harpy()
 print([name for name in sys.modules if name.startswith("harpy_pin.kernels")])
 """
-    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    done = subprocess.run(
+        [sys.executable, "-c", script], capture_output=True, text=True, check=True
+    )
     assert done.stdout.strip() == "[]"
 
 
@@ -39,5 +47,9 @@ import harpy_pin.scenario, harpy_pin.controllers.condensed, harpy_pin.simulation
 from harpy_pin.kernels import compiler
 assert compiler.compiler() is None and not compiler.MADE
 """
-    environment = {"PATH": str(tmp_path), "HOME": str(tmp_path), "PYTHONPATH": str(FOLDER.parents[1])}
+    environment = {
+        "PATH": str(tmp_path),
+        "HOME": str(tmp_path),
+        "PYTHONPATH": str(FOLDER.parents[1]),
+    }
     subprocess.run([sys.executable, "-c", script], env=environment, check=True, cwd=tmp_path)

@@ -28,9 +28,14 @@ class Writer:
         if kind < 6:
             return f"({self.number(depth - 1)} {self.pick('+-*')} {self.number(depth - 1)})"
         if kind == 6:
-            return f"{self.pick(['min', 'max'])}({self.number(depth - 1)}, {self.number(depth - 1)})"
+            return (
+                f"{self.pick(['min', 'max'])}({self.number(depth - 1)}, {self.number(depth - 1)})"
+            )
         if kind == 7:
-            return f"({self.number(depth - 1)} if {self.condition(depth - 1)} else {self.number(depth - 1)})"
+            return (
+                f"({self.number(depth - 1)} if {self.condition(depth - 1)} else "
+                f"{self.number(depth - 1)})"
+            )
         return f"-abs({self.number(depth - 1)})"
 
     def index(self, depth):
@@ -52,13 +57,17 @@ class Writer:
                 add("else:")
                 self.block(indent + 1, depth - 1)
         elif kind == 3 and depth:
-            add(f"for k{indent} in range({self.pick(['3', 'n', 'a.shape[0]', '1, i + 2', 'n, -1, -1'])}):")
+            add(
+                f"for k{indent} in "
+                f"range({self.pick(['3', 'n', 'a.shape[0]', '1, i + 2', 'n, -1, -1'])}):"
+            )
             self.names.append(f"k{indent}")
             self.block(indent + 1, depth - 1)
             if self.rng.integers(2):
                 self.lines.append("    " * (indent + 1) + f"if {self.condition(1)}:")
                 self.lines.append(
-                    "    " * (indent + 2) + self.pick(["break", "continue", f"return {self.number(1)}, n"])
+                    "    " * (indent + 2)
+                    + self.pick(["break", "continue", f"return {self.number(1)}, n"])
                 )
                 self.block(indent + 1, 0)
             self.names.remove(f"k{indent}")
@@ -93,11 +102,15 @@ def test_programs_that_nobody_wrote(seed, fuzz, tmp_path, monkeypatch):
     rng, count = np.random.default_rng(seed), 15 * fuzz
     texts = [Writer(rng).program(f"program_{n}") for n in range(count)]
     name = f"programs_{seed}"
-    (tmp_path / f"{name}.py").write_text("from harpy_pin.kernels import kernel\n\n\n" + "\n\n".join(texts))
+    (tmp_path / f"{name}.py").write_text(
+        "from harpy_pin.kernels import kernel\n\n\n" + "\n\n".join(texts)
+    )
     monkeypatch.syspath_prepend(tmp_path)
     made = __import__(name)
     programs = [getattr(made, f"program_{n}") for n in range(count)]
-    for waited in [program.prepare(np.zeros(4), np.zeros((2, 3)), 0.0, 0.0, 0) for program in programs]:
+    for waited in [
+        program.prepare(np.zeros(4), np.zeros((2, 3)), 0.0, 0.0, 0) for program in programs
+    ]:
         waited.result()
     for program in programs:
         for _ in range(20):

@@ -1,4 +1,6 @@
-"""The library's kernels under AddressSanitizer and UndefinedBehaviorSanitizer, with every index checked."""
+"""The library's kernels under AddressSanitizer and UndefinedBehaviorSanitizer, with every index
+checked.
+"""
 
 from __future__ import annotations
 
@@ -58,7 +60,9 @@ def run(program: str, folder: Path, *arguments: str) -> subprocess.CompletedProc
         "PYTHONPATH": os.pathsep.join([str(HERE.parents[1]), str(folder)]),
     }
     command = [sys.executable, "-c", program, *arguments]
-    return subprocess.run(command, capture_output=True, text=True, env=environment, check=False, cwd=folder)
+    return subprocess.run(
+        command, capture_output=True, text=True, env=environment, check=False, cwd=folder
+    )
 
 
 def test_a_write_behind_an_array_is_found(tmp_path):

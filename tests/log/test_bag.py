@@ -21,7 +21,9 @@ def go2():
 
 @pytest.fixture(scope="module")
 def run(go2):
-    return hp.walk(hp.Scenario(robot="go2", state="estimated", ground=hp.Ground(mu_s=0.6), duration=1.0))
+    return hp.walk(
+        hp.Scenario(robot="go2", state="estimated", ground=hp.Ground(mu_s=0.6), duration=1.0)
+    )
 
 
 @pytest.fixture
@@ -50,7 +52,10 @@ def test_the_estimate_is_a_run(signals, go2, tmp_path):
 
 
 def test_a_table_is_the_same_log(run, signals, go2, tmp_path):
-    named = {f"joint_position/{name}": signals["joint_position"][:, j] for j, name in enumerate(go2.joints)}
+    named = {
+        f"joint_position/{name}": signals["joint_position"][:, j]
+        for j, name in enumerate(go2.joints)
+    }
     columns = {"t": signals["t"]} | dict(reversed(named.items()))
     for name in ("gyroscope", "accelerometer", "joint_velocity", "joint_torque"):
         columns |= {f"{name}/{j}": column for j, column in enumerate(signals[name].T)}
@@ -60,7 +65,9 @@ def test_a_table_is_the_same_log(run, signals, go2, tmp_path):
     for name in ("t", *SENSED[:-1]):
         np.testing.assert_array_equal(read[name], signals[name])
     run.to_csv(tmp_path / "run.csv")
-    np.testing.assert_array_equal(read_log(tmp_path / "run.csv", go2)["joint_torque"], run["torque"])
+    np.testing.assert_array_equal(
+        read_log(tmp_path / "run.csv", go2)["joint_torque"], run["torque"]
+    )
 
 
 def test_an_mcap_is_the_same_log(run, signals, go2, tmp_path):
@@ -103,12 +110,21 @@ def test_foxglove_finds_frames_forces_and_cones(run, go2, tmp_path):
 
 
 WRONG = {
-    "no gyroscope": (lambda s: s.pop("gyroscope"), "the log has no gyroscope; it has accelerometer"),
+    "no gyroscope": (
+        lambda s: s.pop("gyroscope"),
+        "the log has no gyroscope; it has accelerometer",
+    ),
     "ms": (lambda s: s.update(t=1e3 * s["t"]), "must be in s, not ms or ns"),
     "stands": (lambda s: s.update(t=0.0 * s["t"]), "must be finite and go on"),
     "g": (lambda s: s.update(accelerometer=s["accelerometer"] / 9.81), "and not 9.81 m/s²: in g"),
-    "degrees": (lambda s: s.update(joint_position=np.degrees(s["joint_position"])), "must be in rad"),
-    "fewer": (lambda s: s.update(joint_position=s["joint_position"][:, 1:]), "must be (1000, 12) for 'go2'"),
+    "degrees": (
+        lambda s: s.update(joint_position=np.degrees(s["joint_position"])),
+        "must be in rad",
+    ),
+    "fewer": (
+        lambda s: s.update(joint_position=s["joint_position"][:, 1:]),
+        "must be (1000, 12) for 'go2'",
+    ),
     "no torque": (lambda s: s.pop("joint_torque"), "neither joint_torque nor foot_force"),
 }
 
@@ -131,5 +147,7 @@ def test_what_is_no_table_is_said(go2, tmp_path, text):
 
 
 def test_uneven_steps_are_counted(signals, go2):
-    signals["t"] = signals["t"] + 0.4 * np.diff(signals["t"]).mean() * (np.arange(len(signals["t"])) % 10 == 0)
+    signals["t"] = signals["t"] + 0.4 * np.diff(signals["t"]).mean() * (
+        np.arange(len(signals["t"])) % 10 == 0
+    )
     assert estimate_log(signals, go2)[1]["uneven_steps"] == pytest.approx(0.2, abs=0.01)

@@ -1,4 +1,6 @@
-"""A run in the tables and files of other programs, read back by their own readers; and objects in one line."""
+"""A run in the tables and files of other programs, read back by their own readers; and objects in
+one line.
+"""
 
 import csv
 
@@ -62,7 +64,9 @@ def test_csv(run, tmp_path):
 
 def test_command_line(run, tmp_path, monkeypatch, capsys):
     run.save(tmp_path / "run.npz")
-    code, out, _ = harpy(monkeypatch, capsys, "view", tmp_path / "run.npz", "--csv", tmp_path / "a.csv")
+    code, out, _ = harpy(
+        monkeypatch, capsys, "view", tmp_path / "run.npz", "--csv", tmp_path / "a.csv"
+    )
     assert (code, out.count("wrote")) == (0, 1)
     assert (tmp_path / "a.csv").stat().st_size > 1000
 

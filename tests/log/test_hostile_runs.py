@@ -17,7 +17,10 @@ ICE = hp.Ground(mu_s=0.3, friction_strips=((0.01, 0.1, 0.05),))
 PUSHED = Disturbances(pushes=(hp.Push(0.01, (0.0, 1.0, 0.0)),))
 SCENARIOS = (
     Scenario(
-        controller=Condensed(parameters={"estimate_friction": True}), ground=ICE, disturbances=PUSHED, duration=0.06
+        controller=Condensed(parameters={"estimate_friction": True}),
+        ground=ICE,
+        disturbances=PUSHED,
+        duration=0.06,
     ),
     Scenario(controller=Governed(governor="paper"), duration=0.06),
     Scenario(controller="condensed", gait=Commanded(), duration=0.06),
@@ -31,7 +34,9 @@ def runs():
     return [(log.signals, {**log.metadata, "format": 1}) for log in logs]
 
 
-@pytest.mark.filterwarnings("ignore::RuntimeWarning", "ignore::UserWarning", "ignore::DeprecationWarning")
+@pytest.mark.filterwarnings(
+    "ignore::RuntimeWarning", "ignore::UserWarning", "ignore::DeprecationWarning"
+)
 def test_hostile_files(runs, tmp_path, fuzz):
     rng = np.random.default_rng(1)
     read = 0
@@ -131,4 +136,7 @@ def test_pages_leave_out_numbers_that_no_float_holds(runs, robot, place):
 
 def test_pages_take_ticks_that_were_never_timed(runs, robot):
     signals, metadata = runs[0]
-    page(hp.Run({**signals, "tick_ns": np.where(np.arange(ROWS) == 0, np.inf, np.nan)}, metadata), robot)
+    page(
+        hp.Run({**signals, "tick_ns": np.where(np.arange(ROWS) == 0, np.inf, np.nan)}, metadata),
+        robot,
+    )

@@ -1,4 +1,6 @@
-"""Logs that are on disk while the run goes on: interrupts, failures, and what is found afterwards."""
+"""Logs that are on disk while the run goes on: interrupts, failures, and what is found
+afterwards.
+"""
 
 import contextlib
 import json
@@ -164,7 +166,10 @@ def leave(target, rows=5):
                 "v": np.zeros(12),
                 "torque": np.full(6, float(k)),
                 "held": k % 2 == 0,
-                **{name: np.zeros((2, 3)) for name in ("foot_position", "foot_velocity", "foot_force", "thrust")},
+                **{
+                    name: np.zeros((2, 3))
+                    for name in ("foot_position", "foot_velocity", "foot_force", "thrust")
+                },
             }
         )
     journal.close()
@@ -190,7 +195,9 @@ def test_older_log_beside_a_journal(simulator, tmp_path):
 
 def test_the_journal_of_a_run_that_died_is_not_written_over(simulator, tmp_path):
     path, controller = leave(tmp_path / "run.npz", rows=4), Counting()
-    with pytest.raises(RunFileError, match=r"another run is writing it, or died: .*run\.npz\.part.* another name"):
+    with pytest.raises(
+        RunFileError, match=r"another run is writing it, or died: .*run\.npz\.part.* another name"
+    ):
         simulator.run(controller, 0.01, save=tmp_path / "run.npz")
     assert controller.tick == 0
     with pytest.warns(RunFileWarning):
@@ -235,7 +242,9 @@ def test_damaged_journals(tmp_path, fuzz):
     assert lengths == {0, 1, 2, 4, 6, 8}  # the first tick is a block of its own
 
 
-@pytest.mark.parametrize("signals", [{"t": [2**62]}, {"t": ["x"]}, {"t": [-1]}, {"<t>": []}, {}, [], {"t": None}])
+@pytest.mark.parametrize(
+    "signals", [{"t": [2**62]}, {"t": ["x"]}, {"t": [-1]}, {"<t>": []}, {}, [], {"t": None}]
+)
 def test_journals_that_lie(tmp_path, signals):
     import struct
     import zlib
@@ -343,7 +352,9 @@ FULL = """
 
 @pytest.mark.filterwarnings("ignore::harpy_pin.errors.RunFileWarning")
 def test_full_disk_is_told_after_the_table(tmp_path):
-    """The walk goes on in memory; what was measured is printed, then the failure; what fitted stays on disk."""
+    """The walk goes on in memory; what was measured is printed, then the failure; what fitted stays
+    on disk.
+    """
     pytest.importorskip("resource")
     out = script(FULL, tmp_path / "run.npz", 1_000_000)
     assert "distance along x, m" in out
@@ -357,7 +368,9 @@ def test_full_disk_hands_over_the_run(simulator, tmp_path, monkeypatch):
         raise RunFileError("cannot write: No space left on device")
 
     monkeypatch.setattr(hp.Run, "save", full)
-    with pytest.raises(RunFileError, match=r"No space left.*its rows are in .*run\.npz\.part") as caught:
+    with pytest.raises(
+        RunFileError, match=r"No space left.*its rows are in .*run\.npz\.part"
+    ) as caught:
         simulator.run(Counting(), 1.5, save=tmp_path / "run.npz")
     check(caught.value.run, 1500)
     with pytest.warns(RunFileWarning, match="log was not written"):

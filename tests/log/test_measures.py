@@ -49,7 +49,14 @@ def test_standing_still():
     assert found.ending == "completed"
     assert found.duration_s == pytest.approx(1.5)
     assert found.steps == pytest.approx(2.0)
-    for name in ("slip_mm_per_step", "late_slip_mm_per_step", "sliding", "low_force", "no_contact", "distance_m"):
+    for name in (
+        "slip_mm_per_step",
+        "late_slip_mm_per_step",
+        "sliding",
+        "low_force",
+        "no_contact",
+        "distance_m",
+    ):
         assert getattr(found, name) == 0.0, name
     assert np.isnan(found.tracking_rms_mm)
     assert found.thrust_rms_n == found.thrust_max_n == found.torque_max_nm == 0.0
@@ -59,7 +66,9 @@ def test_standing_still():
 def test_sums_of_the_physics_steps_are_taken_where_they_are_logged():
     run = still(1500)
     rows = np.arange(1500.0)
-    run.signals["slip_path"] = np.stack((2e-6 * rows, 1e-6 * rows), axis=1) + 7.0  # what was before does not count
+    run.signals["slip_path"] = (
+        np.stack((2e-6 * rows, 1e-6 * rows), axis=1) + 7.0
+    )  # what was before does not count
     run.signals["slip_net"] = np.stack((1e-6 * rows, 0.5e-6 * rows), axis=1) + 3.0
     found = measure(run)
     assert found.slip_mm_per_step == pytest.approx(3e-3 * 1499 / 2)
@@ -144,10 +153,16 @@ def test_robot_without_thrusters_or_joints():
 
 
 def test_why_a_walk_fell():
-    """Joints less their targets for the middle of a tick, forces less those planned before, torques at limits."""
+    """Joints less their targets for the middle of a tick, forces less those planned before, torques
+    at limits.
+    """
     run, rng = still(4), np.random.default_rng(0)
-    assert np.isnan([measure(run).joint_tracking_rms_rad, measure(run).force_mismatch, measure(run).clipped]).all()
-    q, law, force, planned = (rng.normal(size=(4, *size)) for size in ((13,), (4, 6), (2, 3), (2, 3)))
+    assert np.isnan(
+        [measure(run).joint_tracking_rms_rad, measure(run).force_mismatch, measure(run).clipped]
+    ).all()
+    q, law, force, planned = (
+        rng.normal(size=(4, *size)) for size in ((13,), (4, 6), (2, 3), (2, 3))
+    )
     run.signals.update(q=q, motor_law=law, foot_force=force, desired_force=planned)
     run.signals["torque"][:] = [[0.5, -2.0, 0, 0, 0, 0], *[[-0.9] * 6] * 2, [9.0] * 6]
     run.metadata.update({"torque_limit": [1.0, 2.0, None, None, None, None], "mass": 2.0})
@@ -166,7 +181,9 @@ def test_measures_are_those_of_their_definition():
     """Feet that come and go, slide and touch down; a tilt and a peak in one row each."""
     rng = np.random.default_rng(0)
     run = still(400)
-    run["foot_force"][:, :, 2] = np.repeat(rng.integers(0, 2, (40, 2)), 10, axis=0) * rng.uniform(1.0, 30.0, (400, 2))
+    run["foot_force"][:, :, 2] = np.repeat(rng.integers(0, 2, (40, 2)), 10, axis=0) * rng.uniform(
+        1.0, 30.0, (400, 2)
+    )
     for name in ("foot_position", "foot_velocity"):
         run[name][:] = 0.01 * rng.normal(size=(400, 2, 3))
     run["q"][211, 3:7] = pin.Quaternion(pin.rpy.rpyToMatrix(0.6, -0.1, 0.2)).coeffs()
@@ -175,14 +192,18 @@ def test_measures_are_those_of_their_definition():
     found = measure(run)
     for name, value in expected.items():
         assert getattr(found, name) == pytest.approx(value, rel=1e-13), name
-    assert np.isnan(found.net_slip_mm_per_step)  # of the sums of the physics steps, which are not there
+    assert np.isnan(
+        found.net_slip_mm_per_step
+    )  # of the sums of the physics steps, which are not there
 
 
 def by_definition(run):
     """Measures of a whole run at once."""
     force = run["foot_force"]
     touching = force[:, :, 2] > 0.0
-    path = np.linalg.norm(np.diff(run["foot_position"][:, :, :2], axis=0), axis=2) * (touching[1:] | touching[:-1])
+    path = np.linalg.norm(np.diff(run["foot_position"][:, :, :2], axis=0), axis=2) * (
+        touching[1:] | touching[:-1]
+    )
     late = contact_age(touching, PERIOD)[1:] > 0.05
     speed = np.linalg.norm(run["foot_velocity"][:, :, :2], axis=2)
     total = force[1:, :, 2].sum(axis=1)
@@ -240,7 +261,9 @@ N, YAW = 2000, 0.7
 
 
 def made_up(*, signals=None, **changes):
-    """A body that goes along its heading, YAW, at 0.5 m/s, and turns at 0.2 rad/s; a joint at 10 N·m and 3 rad/s."""
+    """A body that goes along its heading, YAW, at 0.5 m/s, and turns at 0.2 rad/s; a joint at 10
+    N·m and 3 rad/s.
+    """
     run = still(N, **{"mass": 2.0, "parameters": {"gait": {"step_duration": 0.2}}} | changes)
     q, v, t = run["q"], run["v"], run["t"]
     q[:, 0], q[:, 1] = 0.5 * t * np.cos(YAW), 0.5 * t * np.sin(YAW)
@@ -271,24 +294,36 @@ def test_sway_within_a_step_is_no_error_of_tracking():
 def test_negative_power_is_not_given_back():
     run = made_up()
     run["torque"][::2] *= -1.0
-    assert hp.measure(run).cost_of_transport == pytest.approx(0.5 * hp.measure(made_up()).cost_of_transport)
+    assert hp.measure(run).cost_of_transport == pytest.approx(
+        0.5 * hp.measure(made_up()).cost_of_transport
+    )
 
 
 @pytest.mark.parametrize("turn", [0.0, 0.9])
 def test_margin_of_a_sole(turn):
-    """A sole of 200 by 120 mm with its centre of pressure 30 mm ahead and 40 mm to the left of its middle; at the
-    end it rolls over its toes."""
+    """A sole of 200 by 120 mm with its centre of pressure 30 mm ahead and 40 mm to the left of its
+    middle; at the end it rolls over its toes.
+    """
     corners = np.array([(0.1, 0.06, 0.0), (0.1, -0.06, 0.0), (-0.1, 0.06, 0.0), (-0.1, -0.06, 0.0)])
     along, across = 0.5 + 0.03 / 0.2, 0.5 + 0.04 / 0.12
-    share = np.array([along * across, along * (1 - across), (1 - along) * across, (1 - along) * (1 - across)])
-    position = np.tile(corners @ pin.rpy.rpyToMatrix(0.0, 0.0, turn).T + (3.0, -1.0, 0.0), (N, 1, 1))
+    share = np.array(
+        [along * across, along * (1 - across), (1 - along) * across, (1 - along) * (1 - across)]
+    )
+    position = np.tile(
+        corners @ pin.rpy.rpyToMatrix(0.0, 0.0, turn).T + (3.0, -1.0, 0.0), (N, 1, 1)
+    )
     force = np.zeros((N, 4, 3))
     force[:, :, 2] = 19.62 * share
     force[: N // 2] *= 0.1  # too little to count
     force[: N // 2, 0] += (0.0, 0.0, 0.5)
     stance = np.ones((N, 4))
     force[-N // 4 :, 2:] = stance[-N // 4 :, 2:] = 0.0
-    signals = {"foot_position": position, "foot_force": force, "foot_velocity": np.zeros((N, 4, 3)), "stance": stance}
+    signals = {
+        "foot_position": position,
+        "foot_force": force,
+        "foot_velocity": np.zeros((N, 4, 3)),
+        "stance": stance,
+    }
     run = made_up(signals=signals, feet=[f"sole_{k}" for k in range(4)])
     assert hp.measure(run).pressure_margin_mm == pytest.approx(20.0, abs=0.15)
 

@@ -10,7 +10,9 @@ from harpy_pin.log.journal import Journal
 from harpy_pin.log.recorder import Recorder
 
 
-@pytest.mark.parametrize("value", [1.0, [1.0], np.ones(1), np.ones(2), [1.0, 2.0], np.ones(6)[::2][:2]])
+@pytest.mark.parametrize(
+    "value", [1.0, [1.0], np.ones(1), np.ones(2), [1.0, 2.0], np.ones(6)[::2][:2]]
+)
 def test_recorder_refuses_other_sizes(value):
     """Also those that NumPy would repeat until they fit."""
     recorder = Recorder()
@@ -24,7 +26,10 @@ def test_recorder_refuses_other_sizes(value):
 
 @pytest.mark.parametrize(
     ("row", "message"),
-    [({"a": np.zeros(2), "b": np.zeros(3)}, "changed shape: a, b"), ({"a": np.zeros(3), "c": np.zeros(2)}, "")],
+    [
+        ({"a": np.zeros(2), "b": np.zeros(3)}, "changed shape: a, b"),
+        ({"a": np.zeros(3), "c": np.zeros(2)}, ""),
+    ],
     ids=["as long as before", "other names"],
 )
 def test_recorder_refuses_other_rows(row, message):
@@ -40,7 +45,9 @@ def test_recorder_refuses_other_rows(row, message):
 def test_recorder_takes_any_layout_and_type():
     recorder, table = Recorder(), np.arange(12.0).reshape(3, 4)
     for i in range(3):
-        recorder.append({"turned": table.T, "every other": table[:, ::2], "whole": np.arange(2), "yes": i == 1})
+        recorder.append(
+            {"turned": table.T, "every other": table[:, ::2], "whole": np.arange(2), "yes": i == 1}
+        )
     arrays = recorder.take()
     np.testing.assert_array_equal(arrays["turned"], [table.T] * 3)
     np.testing.assert_array_equal(arrays["every other"], [table[:, ::2]] * 3)
@@ -57,7 +64,10 @@ def test_recorder_keeps_names_with_their_values():
         recorder.append({"a": 5.0, "b": np.zeros(2)})
     with pytest.raises(InputError, match="changed shape: a"):
         recorder.append({"a": np.zeros(1), "b": 6.0})  # as many bytes
-    assert {name: array.tolist() for name, array in recorder.take().items()} == {"a": [1.0, 3.0], "b": [2.0, 4.0]}
+    assert {name: array.tolist() for name, array in recorder.take().items()} == {
+        "a": [1.0, 3.0],
+        "b": [2.0, 4.0],
+    }
 
 
 @pytest.mark.parametrize("on_disk", [False, True])

@@ -18,7 +18,9 @@ REQUIRED = ("t", "q", "v", "foot_position", "foot_velocity", "foot_force", "torq
 def pack(path, signals, metadata):
     entries = dict(signals)
     if metadata is not None:
-        entries["__metadata__"] = np.array(metadata if isinstance(metadata, str) else json.dumps(metadata))
+        entries["__metadata__"] = np.array(
+            metadata if isinstance(metadata, str) else json.dumps(metadata)
+        )
     np.savez_compressed(path, **entries)
     return path
 
@@ -80,7 +82,9 @@ def test_every_truncation_is_refused(tmp_path, content):
 
 
 def test_corrupted_byte_is_refused_or_harmless(tmp_path, content):
-    """Any byte of the file flipped: RunFileError, or (bytes nobody reads, such as dates) the very same log."""
+    """Any byte of the file flipped: RunFileError, or (bytes nobody reads, such as dates) the very
+    same log.
+    """
     path, whole, refused = tmp_path / "flipped.npz", make_run(), 0
     for number, position in enumerate(range(0, len(content), 7)):
         damaged = bytearray(content)
@@ -98,7 +102,16 @@ def test_corrupted_byte_is_refused_or_harmless(tmp_path, content):
 
 @pytest.mark.parametrize(
     "data",
-    [b"", b"PK", b"PK\x03\x04", b"PK\x05\x06" + bytes(18), b"hello", npy(np.zeros(3)), bytes(1000), b"\x80\x04."],
+    [
+        b"",
+        b"PK",
+        b"PK\x03\x04",
+        b"PK\x05\x06" + bytes(18),
+        b"hello",
+        npy(np.zeros(3)),
+        bytes(1000),
+        b"\x80\x04.",
+    ],
     ids=["empty", "PK", "zip start", "empty zip", "text", "npy", "zeros", "pickle"],
 )
 def test_not_an_archive(tmp_path, data):
@@ -124,7 +137,9 @@ def test_missing_signal_is_named(tmp_path, name):
 
 
 @pytest.mark.parametrize(
-    "metadata", [None, "{", "", "[]", "3", "null", {}, {"format": 2}, {"format": "1"}, {"format": None}], ids=str
+    "metadata",
+    [None, "{", "", "[]", "3", "null", {}, {"format": 2}, {"format": "1"}, {"format": None}],
+    ids=str,
 )
 def test_wrong_format(tmp_path, metadata):
     with pytest.raises(RunFileError):
@@ -134,7 +149,12 @@ def test_wrong_format(tmp_path, metadata):
 def test_unwritable_paths_are_found_beforehand(tmp_path):
     (tmp_path / "file").write_text("a file")
     (tmp_path / "folder").mkdir()
-    for path in (tmp_path / "absent" / "run.npz", tmp_path / "file" / "run.npz", tmp_path / "folder", tmp_path):
+    for path in (
+        tmp_path / "absent" / "run.npz",
+        tmp_path / "file" / "run.npz",
+        tmp_path / "folder",
+        tmp_path,
+    ):
         with pytest.raises(RunFileError) as caught:
             check_writable(path)
         assert caught.value.path == path
@@ -143,7 +163,9 @@ def test_unwritable_paths_are_found_beforehand(tmp_path):
 
 
 def test_name_that_is_too_long(tmp_path):
-    """The name of the temporary file is longer than the target's: both must fit, or the check must say no."""
+    """The name of the temporary file is longer than the target's: both must fit, or the check must
+    say no.
+    """
     for length in (255, 256, 240):
         path = tmp_path / ("a" * length)
         try:
@@ -179,9 +201,14 @@ def failing(error, after=3):
 
 @pytest.mark.parametrize(
     ("error", "raised"),
-    [(OSError(28, "No space left on device"), RunFileError), (KeyboardInterrupt(), KeyboardInterrupt)],
+    [
+        (OSError(28, "No space left on device"), RunFileError),
+        (KeyboardInterrupt(), KeyboardInterrupt),
+    ],
 )
-def test_saving_that_fails_or_is_interrupted_keeps_the_old_run(tmp_path, monkeypatch, error, raised):
+def test_saving_that_fails_or_is_interrupted_keeps_the_old_run(
+    tmp_path, monkeypatch, error, raised
+):
     path = tmp_path / "run.npz"
     make_run(3).save(path)
     before = path.read_bytes()

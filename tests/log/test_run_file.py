@@ -1,4 +1,6 @@
-"""Run files from strangers: types, shapes, times, names and headers that no walk has are refused in one line."""
+"""Run files from strangers: types, shapes, times, names and headers that no walk has are refused in
+one line.
+"""
 
 import io
 import json
@@ -16,7 +18,9 @@ from harpy_pin import Run, RunFileError
 def header(shape, descr="<f8"):
     """NumPy's header of an array that is not there."""
     buffer = io.BytesIO()
-    np.lib.format.write_array_header_1_0(buffer, {"descr": descr, "fortran_order": False, "shape": shape})
+    np.lib.format.write_array_header_1_0(
+        buffer, {"descr": descr, "fortran_order": False, "shape": shape}
+    )
     return buffer.getvalue()
 
 
@@ -111,7 +115,9 @@ def test_metadata_of_odd_types(tmp_path, name, value):
     assert name in refused(repack(tmp_path / "run.npz", {}, metadata={name: value}))
 
 
-@pytest.mark.parametrize("name", ["<script>", "[red]x", "a/b", "../q", "a\nb", "__class__", "", "x" * 101, "a\x1b[0m"])
+@pytest.mark.parametrize(
+    "name", ["<script>", "[red]x", "a/b", "../q", "a\nb", "__class__", "", "x" * 101, "a\x1b[0m"]
+)
 def test_names_that_mean_something_elsewhere(tmp_path, name):
     refused(repack(tmp_path / "run.npz", {name: npy(np.zeros(7))}))
     run = make_run()
@@ -156,9 +162,14 @@ def test_headers_that_lie(tmp_path, data):
 
 
 def test_zip_bomb_is_not_unpacked(tmp_path, monkeypatch):
-    """A hundred megabytes of zeros in a hundred kilobytes: refused by what it declares, before anything is read."""
+    """A hundred megabytes of zeros in a hundred kilobytes: refused by what it declares, before
+    anything is read.
+    """
     path = tmp_path / "run.npz"
-    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive, archive.open("t.npy", "w") as entry:
+    with (
+        zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive,
+        archive.open("t.npy", "w") as entry,
+    ):
         entry.write(header((100 << 17,)))
         for _ in range(100):
             entry.write(bytes(1 << 20))

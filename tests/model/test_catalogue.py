@@ -1,4 +1,6 @@
-"""The public robots of example-robot-data: each is read as Pinocchio reads it, or refused for a stated reason."""
+"""The public robots of example-robot-data: each is read as Pinocchio reads it, or refused for a
+stated reason.
+"""
 
 import re
 import sys
@@ -21,16 +23,24 @@ from harpy_pin.model.catalogue import CATALOGUE, installed_data, known_name
 INSTALLED = installed_data() is not None
 WITH_FEET = [name for name, entry in CATALOGUE.items() if entry.feet]
 FOLDER = CATALOGUE["solo12"].path().parents[2] if INSTALLED else Path()
-URDFS = sorted(str(path.relative_to(FOLDER)) for path in FOLDER.rglob("*.urdf")) if INSTALLED else []
+URDFS = (
+    sorted(str(path.relative_to(FOLDER)) for path in FOLDER.rglob("*.urdf")) if INSTALLED else []
+)
 REFUSED = {
     "romeo_description/urdf/romeo.urdf": "singular: some joint moves no mass",
-    "romeo_description/urdf/romeo_laas_small.urdf": "what joint 'root_joint' moves: of its principal moments -0.02",
+    "romeo_description/urdf/romeo_laas_small.urdf": "what joint 'root_joint' moves: of its "
+    "principal moments -0.02",
     "ur_description/urdf/ur3.urdf": "it has no <robot> with links",
 }
 SRDFS = {
-    **{x: (f"{x}_description/srdf/{x}.srdf", "standing") for x in ("bolt", "a1", "b1", "go1", "go2", "hyq")},
+    **{
+        x: (f"{x}_description/srdf/{x}.srdf", "standing")
+        for x in ("bolt", "a1", "b1", "go1", "go2", "hyq")
+    },
     **dict.fromkeys(("solo8", "solo12"), ("solo_description/srdf/solo.srdf", "standing")),
-    **{f"anymal_{x}": (f"anymal_{x}_simple_description/srdf/anymal.srdf", "standing") for x in "bc"},
+    **{
+        f"anymal_{x}": (f"anymal_{x}_simple_description/srdf/anymal.srdf", "standing") for x in "bc"
+    },
     "talos": ("talos_data/srdf/talos.srdf", "half_sitting"),
 }
 
@@ -41,7 +51,9 @@ def in_plain_terms(plain, model, q):
     result[:7] = q[:7]
     for joint in list(plain.joints)[2:]:
         angle = q[model.joints[joint.id].idx_q]
-        result[joint.idx_q : joint.idx_q + joint.nq] = angle if joint.nq == 1 else (np.cos(angle), np.sin(angle))
+        result[joint.idx_q : joint.idx_q + joint.nq] = (
+            angle if joint.nq == 1 else (np.cos(angle), np.sin(angle))
+        )
     return result
 
 
@@ -62,14 +74,20 @@ def test_robot_is_pinocchios(file, capfd):
     assert model.nv == plain.nv == model.nq - 1
     assert capfd.readouterr() == ("", "")
     plain.armature = model.armature
-    plain.effortLimit = np.where(np.array(plain.effortLimit) == 0.0, np.inf, plain.effortLimit)  # unknown ones
+    plain.effortLimit = np.where(
+        np.array(plain.effortLimit) == 0.0, np.inf, plain.effortLimit
+    )  # unknown ones
     one_number = [joint.nq == 1 for joint in list(plain.joints)[2:]]
     np.testing.assert_array_equal(np.isfinite(robot.joint_lower), one_number)
     np.testing.assert_array_equal(np.isfinite(robot.joint_upper), one_number)
     root = model.frames[model.getFrameId(plain.frames[2].name, pin.FrameType.BODY)].placement
     links = {frame.name for frame in plain.frames if frame.type == pin.FrameType.BODY}
     for frame in plain.frames:
-        frame.name = f"joint:{frame.name}" if frame.type != pin.FrameType.BODY and frame.name in links else frame.name
+        frame.name = (
+            f"joint:{frame.name}"
+            if frame.type != pin.FrameType.BODY and frame.name in links
+            else frame.name
+        )
     assert (model == plain) == (all(one_number) and root.isIdentity(0.0))
     change = np.eye(model.nv)
     change[:6, :6] = root.toActionMatrixInverse()  # tiago_pro's root is below its base
@@ -78,8 +96,12 @@ def test_robot_is_pinocchios(file, capfd):
         its = in_plain_terms(plain, model, q)
         its[:7] = pin.SE3ToXYZQUAT(pin.XYZQUATToSE3(q[:7]) * root)
         matrix, bias = terms(plain, its, change @ v)
-        for ours, theirs in zip(terms(model, q, v), (change.T @ matrix @ change, change.T @ bias), strict=True):
-            np.testing.assert_allclose(ours, theirs, rtol=1e-9, atol=1e-9 * (1.0 + np.abs(theirs).max()))
+        for ours, theirs in zip(
+            terms(model, q, v), (change.T @ matrix @ change, change.T @ bias), strict=True
+        ):
+            np.testing.assert_allclose(
+                ours, theirs, rtol=1e-9, atol=1e-9 * (1.0 + np.abs(theirs).max())
+            )
 
 
 @needs_robots
@@ -95,7 +117,10 @@ def test_refused_for_a_reason(file):
 def test_catalogue_stands(name):
     robot, entry = hp.load_robot(name), CATALOGUE[name]
     assert robot.corners == tuple(4 if foot in entry.flat_feet else 1 for foot in entry.feet)
-    corners = [[f"{foot}_{i}" for i in range(4)] if foot in entry.flat_feet else [foot] for foot in entry.feet]
+    corners = [
+        [f"{foot}_{i}" for i in range(4)] if foot in entry.flat_feet else [foot]
+        for foot in entry.feet
+    ]
     assert robot.feet == tuple(name for names in corners for name in names)
     assert set(entry.angles) <= set(robot.joints)
     assert (robot.posture >= robot.joint_lower).all()
@@ -122,12 +147,16 @@ def test_catalogue_stands(name):
 def test_posture_is_that_of_the_srdf(name):
     robot, (file, configuration) = hp.load_robot(name), SRDFS[name]
     pin.loadReferenceConfigurations(robot.model, str(FOLDER / file), False)
-    np.testing.assert_array_equal(robot.posture, robot.model.referenceConfigurations[configuration][7:])
+    np.testing.assert_array_equal(
+        robot.posture, robot.model.referenceConfigurations[configuration][7:]
+    )
 
 
 @needs_robots
 def test_icub_stands_on_level_soles_with_its_centre_of_mass_above_their_middle():
-    """Apart from the legs its posture is that of the SRDF, in which it leans on the front edge of tilted soles."""
+    """Apart from the legs its posture is that of the SRDF, in which it leans on the front edge of
+    tilted soles.
+    """
     robot = hp.load_robot("icub")
     model, data = robot.model, robot.model.createData()
     pin.loadReferenceConfigurations(model, str(FOLDER / "icub_description/srdf/icub.srdf"), False)
@@ -149,20 +178,26 @@ def test_a_name_takes_other_feet_and_thrusters():
 
 @needs_robots
 def test_a_gait_for_two_legs_says_what_other_robots_take():
-    with pytest.raises(hp.InputError, match=r"needs two feet, 'go2' has 4; use hp\.WalkingGait or hp\.Standing"):
+    with pytest.raises(
+        hp.InputError, match=r"needs two feet, 'go2' has 4; use hp\.WalkingGait or hp\.Standing"
+    ):
         hp.make_gait(hp.load_robot("go2"))
     with pytest.raises(hp.InputError, match=r"use hp\.Hovering"):
         hp.make_gait(hp.load_robot("iris"))
 
 
 def test_names_and_paths(robot, tmp_path, monkeypatch):
-    with pytest.raises(hp.InputError, match=r"unknown robot 'solo13'; valid names: a1, .*, solo12, "):
+    with pytest.raises(
+        hp.InputError, match=r"unknown robot 'solo13'; valid names: a1, .*, solo12, "
+    ):
         hp.load_robot("solo13")
     with pytest.raises(hp.InputError, match="unknown robot ''"):
         hp.load_robot("")
     with pytest.raises(hp.InputError, match="needs feet"):
         hp.load_robot(robot.urdf)
-    with pytest.raises(hp.RobotError, match=r"no URDF at ./no/such\.urdf.: the file does not exist"):
+    with pytest.raises(
+        hp.RobotError, match=r"no URDF at ./no/such\.urdf.: the file does not exist"
+    ):
         hp.load_robot("/no/such.urdf")
     monkeypatch.chdir(tmp_path)
     Path("solo12").write_text("<robot/>")
@@ -179,7 +214,9 @@ def absent(name):
 
 def test_without_the_extra(monkeypatch, capsys):
     monkeypatch.setattr(catalogue, "distribution", absent)
-    with pytest.raises(hp.RobotError, match=r'solo12.urdf. is in example-robot-data: pip install -e ".*\[robots\]"'):
+    with pytest.raises(
+        hp.RobotError, match=r'solo12.urdf. is in example-robot-data: pip install -e ".*\[robots\]"'
+    ):
         hp.load_robot("solo12")
     listed = robots_command(monkeypatch, capsys)
     assert f"is not installed: {install_line('robots')}" in listed
@@ -253,7 +290,9 @@ def test_they_are_understood_everywhere():
     assert hp.load_robot("go2").name == "go2"
 
 
-@pytest.mark.parametrize(("said", "meant"), [("goo2", "go2"), ("laikag", "laikago"), ("anymal_d", "anymal_")])
+@pytest.mark.parametrize(
+    ("said", "meant"), [("goo2", "go2"), ("laikag", "laikago"), ("anymal_d", "anymal_")]
+)
 def test_typing_errors_get_a_suggestion(said, meant):
     for make in (hp.load_robot, lambda name: hp.Scenario(robot=name)):
         with pytest.raises(hp.InputError, match=f"did you mean '{meant}"):

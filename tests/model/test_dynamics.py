@@ -1,4 +1,6 @@
-"""Equations of motion and feet against Pinocchio, and simulated flight against an integrator of order eight."""
+"""Equations of motion and feet against Pinocchio, and simulated flight against an integrator of
+order eight.
+"""
 
 import numpy as np
 import pinocchio as pin
@@ -59,7 +61,9 @@ def test_equation_of_motion_against_aba(robot, draw_state, seed):
 
 @given(seed=seeds)
 def test_feet_move_as_pinocchio_says(robot, draw_state, seed):
-    """Placements, velocities, drifts and Jacobians against Pinocchio's own functions of frames, for any gravity."""
+    """Placements, velocities, drifts and Jacobians against Pinocchio's own functions of frames, for
+    any gravity.
+    """
     rng = np.random.default_rng(seed)
     dynamics = Dynamics(robot, gravity=rng.uniform(-10, 10, 3))
     dynamics.update(*draw_state(rng))  # nothing may be left of an earlier state
@@ -73,15 +77,23 @@ def test_feet_move_as_pinocchio_says(robot, draw_state, seed):
     for k, name in enumerate(robot.feet):
         i, rows = model.getFrameId(name), slice(3 * k, 3 * k + 3)
         drift = pin.getFrameClassicalAcceleration(model, data, i, axes).linear
-        np.testing.assert_allclose(dynamics.foot_position[k], data.oMf[i].translation, rtol=0, atol=1e-13)
+        np.testing.assert_allclose(
+            dynamics.foot_position[k], data.oMf[i].translation, rtol=0, atol=1e-13
+        )
         np.testing.assert_allclose(
             dynamics.foot_velocity[k], pin.getFrameVelocity(model, data, i, axes).linear, atol=1e-12
         )
         np.testing.assert_allclose(dynamics.foot_drift[rows], drift, rtol=1e-12, atol=1e-11)
         np.testing.assert_allclose(
-            dynamics.foot_jacobian[rows], pin.getFrameJacobian(model, data, i, axes)[:3], rtol=0, atol=1e-13
+            dynamics.foot_jacobian[rows],
+            pin.getFrameJacobian(model, data, i, axes)[:3],
+            rtol=0,
+            atol=1e-13,
         )
-    mounts = [pin.getFrameJacobian(model, data, model.getFrameId(name), axes)[:3] for name in robot.thrusters]
+    mounts = [
+        pin.getFrameJacobian(model, data, model.getFrameId(name), axes)[:3]
+        for name in robot.thrusters
+    ]
     np.testing.assert_allclose(dynamics.thruster_jacobian, np.vstack(mounts), rtol=0, atol=1e-13)
 
 
@@ -95,7 +107,9 @@ def rate(robot, force):
         quaternion = pin.Quaternion(q[3:7])
         turn = 0.5 * (quaternion * pin.Quaternion(0.0, *v[3:6])).coeffs()
         q_dot = np.concatenate((quaternion.matrix() @ v[:3], turn, v[6:]))
-        return np.concatenate((q_dot, forward_dynamics(dynamics, q, v, force - robot.model.damping * v)))
+        return np.concatenate(
+            (q_dot, forward_dynamics(dynamics, q, v, force - robot.model.damping * v))
+        )
 
     return slope
 
@@ -129,7 +143,9 @@ def simulate_flight(robot, q, v, dt, duration):
 @pytest.mark.parametrize("seed", [1, 2, 3])
 @pytest.mark.parametrize("damped", [False, True])
 def test_simulated_flight_converges_with_order_one(robot, undamped, draw_state, seed, damped):
-    """Against an integrator of order eight; with and without the joint damping, which the step takes implicitly."""
+    """Against an integrator of order eight; with and without the joint damping, which the step
+    takes implicitly.
+    """
     flyer = robot if damped else undamped
     q, v = draw_state(np.random.default_rng(seed))
     v *= 0.1  # no joint comes to its end
@@ -144,13 +160,19 @@ def test_simulated_flight_converges_with_order_one(robot, undamped, draw_state, 
 
 
 def test_thrust_acts_at_the_mounts(robot):
-    """Opposite vertical thrusts make a pure roll moment of arm 0.2 m; equal ones lift without turning."""
+    """Opposite vertical thrusts make a pure roll moment of arm 0.2 m; equal ones lift without
+    turning.
+    """
     dynamics = Dynamics(robot)
     q = np.array([0, 0, 1, 0, 0, 0, 1.0, 0, 0, 0, 0, 0, 0])
     dynamics.update(q, np.zeros(12))
-    couple = generalised_force(dynamics, np.zeros(6), np.zeros((2, 3)), np.array([[0, 0, 3.0], [0, 0, -3.0]]))
+    couple = generalised_force(
+        dynamics, np.zeros(6), np.zeros((2, 3)), np.array([[0, 0, 3.0], [0, 0, -3.0]])
+    )
     np.testing.assert_allclose(couple, [0, 0, 0, 0.6, 0, 0, *np.zeros(6)], atol=1e-14)
-    lift = generalised_force(dynamics, np.zeros(6), np.zeros((2, 3)), np.array([[0, 0, 3.0], [0, 0, 3.0]]))
+    lift = generalised_force(
+        dynamics, np.zeros(6), np.zeros((2, 3)), np.array([[0, 0, 3.0], [0, 0, 3.0]])
+    )
     np.testing.assert_allclose(lift, [0, 0, 6.0, 0, 0, 0, *np.zeros(6)], atol=1e-14)
 
 

@@ -1,4 +1,6 @@
-"""Flat feet: corners and their cones against the closed form, and the law of a humanoid against dense algebra."""
+"""Flat feet: corners and their cones against the closed form, and the law of a humanoid against
+dense algebra.
+"""
 
 import json
 from dataclasses import replace
@@ -15,7 +17,13 @@ from harpy_pin.model.catalogue import CATALOGUE
 from harpy_pin.model.flat_foot import MIN_SPREAD
 from harpy_pin.model.source import plain_source, read_robot
 from harpy_pin.model.terms import flat_foot_rows
-from harpy_pin.wbc import WholeBodyLimits, WholeBodyTargets, WholeBodyWeights, make_problem, make_solver
+from harpy_pin.wbc import (
+    WholeBodyLimits,
+    WholeBodyTargets,
+    WholeBodyWeights,
+    make_problem,
+    make_solver,
+)
 from harpy_pin.wbc.condensed import CondensedSolver, CondensedStatus
 
 SOLE = hp.FlatFoot(length=0.2, width=0.12)
@@ -25,22 +33,38 @@ X, Y = 0.1, 0.06
 
 def wrench(corner_forces):
     """Force and moment about the middle of corner forces (4, 3)."""
-    return np.concatenate((corner_forces.sum(axis=0), np.cross(SOLE.corners, corner_forces).sum(axis=0)))
+    return np.concatenate(
+        (corner_forces.sum(axis=0), np.cross(SOLE.corners, corner_forces).sum(axis=0))
+    )
 
 
 def margins(w, mu):
-    """Rows of the wrench cone of a rectangle in closed form (Caron, Pham and Nakamura 2015, eq. 6 to 10): all ≥ 0."""
+    """Rows of the wrench cone of a rectangle in closed form (Caron, Pham and Nakamura 2015, eq. 6
+    to 10): all ≥ 0.
+    """
     fx, fy, fz, tx, ty, tz = w
     least = -mu * (X + Y) * fz + abs(Y * fx - mu * tx) + abs(X * fy - mu * ty)
     most = mu * (X + Y) * fz - abs(Y * fx + mu * tx) - abs(X * fy + mu * ty)
     return np.array(
-        [mu * fz - abs(fx), mu * fz - abs(fy), fz, Y * fz - abs(tx), X * fz - abs(ty), tz - least, most - tz]
+        [
+            mu * fz - abs(fx),
+            mu * fz - abs(fy),
+            fz,
+            Y * fz - abs(tx),
+            X * fz - abs(ty),
+            tz - least,
+            most - tz,
+        ]
     )
 
 
 def corner_forces_of(w, pyramid):
-    """Corner forces in their pyramids that make the wrench, by a linear program; None if there are none."""
-    matrix = np.hstack([np.vstack((np.eye(3), pin.skew(np.array(corner)))) for corner in SOLE.corners])
+    """Corner forces in their pyramids that make the wrench, by a linear program; None if there are
+    none.
+    """
+    matrix = np.hstack(
+        [np.vstack((np.eye(3), pin.skew(np.array(corner)))) for corner in SOLE.corners]
+    )
     found = linprog(
         np.zeros(12),
         A_ub=-np.kron(np.eye(4), pyramid),
@@ -77,7 +101,9 @@ def test_wrenches_in_the_closed_form_are_made_by_corner_forces_and_others_are_no
 
 @pytest.mark.parametrize("corners", [3, 4, 6])
 def test_rows_of_a_flat_foot_are_its_rigid_motion(corners):
-    """Held corners on one body: the rows vanish on every motion that keeps the body, and on no other."""
+    """Held corners on one body: the rows vanish on every motion that keeps the body, and on no
+    other.
+    """
     rng = np.random.default_rng(corners)
     places, turn = 0.1 * rng.standard_normal((corners, 3)), rng.standard_normal((6, 20))
     jacobian = np.vstack([np.hstack((np.eye(3), -pin.skew(place))) @ turn for place in places])
@@ -98,7 +124,12 @@ def test_corners_of_a_flat_foot_and_their_names(sled):
     assert robot.feet == ("skid_0", "skid_1", "skid_2", "skid_3")
     assert robot.flat_feet == robot.corners == (4,)
     places = [robot.model.frames[robot.frame_id(name)].placement.translation for name in robot.feet]
-    desired = [(0.13, 0.05, -0.02), (0.13, -0.05, -0.02), (-0.07, 0.05, -0.02), (-0.07, -0.05, -0.02)]
+    desired = [
+        (0.13, 0.05, -0.02),
+        (0.13, -0.05, -0.02),
+        (-0.07, 0.05, -0.02),
+        (-0.07, -0.05, -0.02),
+    ]
     np.testing.assert_allclose(places, desired, atol=1e-15)
     assert sled.flat_feet == ()
     assert sled.corners == (1,)
@@ -106,7 +137,9 @@ def test_corners_of_a_flat_foot_and_their_names(sled):
 
 @pytest.mark.parametrize("plant", PLANTS)
 def test_a_turned_sole_is_that_of_a_frame_that_is_not(tmp_path, plant):
-    """The same biped, whose soles' frames have other axes: corners, posture, and a walk are the same."""
+    """The same biped, whose soles' frames have other axes: corners, posture, and a walk are the
+    same.
+    """
     turn = (0.4, -1.2, 2.5)
     back = pin.rpy.matrixToRpy(pin.rpy.rpyToMatrix(*turn).T)
     runs = []
@@ -115,21 +148,29 @@ def test_a_turned_sole_is_that_of_a_frame_that_is_not(tmp_path, plant):
         place = tuple(pin.rpy.rpyToMatrix(*frame).T @ (0.03, 0.0, -0.01))
         sole = hp.FlatFoot(length=0.2, width=0.1, centre=place, orientation=orientation)
         feet = ("L_sole", "R_sole")
-        robot = hp.load_robot(tmp_path / "biped.urdf", feet=feet, flat_feet=dict.fromkeys(feet, sole))
+        robot = hp.load_robot(
+            tmp_path / "biped.urdf", feet=feet, flat_feet=dict.fromkeys(feet, sole)
+        )
         read = read_robot(json.loads(json.dumps(plain_source(robot.source))))
         assert read.model == robot.model
         gait = hp.WalkingGait(read, velocity=(0.1, 0.0, 0.0))
         run = hp.walk(hp.Scenario(robot=read, plant=plant, duration=0.6), gait=gait)
-        runs.append([gait.initial_state()[0], *(run[name] for name in ("q", "foot_position", "foot_force"))])
+        runs.append(
+            [gait.initial_state()[0], *(run[name] for name in ("q", "foot_position", "foot_force"))]
+        )
     assert np.ptp(runs[0][1][:, 1]) > 1e-3  # it sways
     for plain, turned in zip(*runs, strict=True):
         np.testing.assert_allclose(turned, plain, rtol=0, atol=1e-4 * max(1.0, np.abs(plain).max()))
 
 
 def test_corners_have_names_of_their_own(tmp_path):
-    more = '<link name="L_sole_1"/><joint name="corner:L_sole_2" type="fixed"><parent link="L_sole"/>'
+    more = (
+        '<link name="L_sole_1"/><joint name="corner:L_sole_2" type="fixed"><parent link="L_sole"/>'
+    )
     more += '<child link="L_sole_1"/><origin xyz="1 1 1"/></joint><link name="L_sole_2"/>'
-    more += '<joint name="mark" type="fixed"><parent link="L_sole"/><child link="L_sole_2"/></joint>'
+    more += (
+        '<joint name="mark" type="fixed"><parent link="L_sole"/><child link="L_sole_2"/></joint>'
+    )
     (tmp_path / "biped.urdf").write_text(biped_urdf(more=more))
     feet = ("L_sole", "R_sole")
     robot = hp.load_robot(tmp_path / "biped.urdf", feet=feet, flat_feet=dict.fromkeys(feet, SOLE))
@@ -137,7 +178,9 @@ def test_corners_have_names_of_their_own(tmp_path):
     assert len(set(robot.feet)) == 8
     frames = [robot.model.frames[robot.frame_id(name)] for name in robot.feet[:4]]
     sole = robot.model.frames[robot.frame_id("L_sole")].placement
-    np.testing.assert_allclose([sole.actInv(f.placement).translation for f in frames], SOLE.corners, atol=1e-15)
+    np.testing.assert_allclose(
+        [sole.actInv(f.placement).translation for f in frames], SOLE.corners, atol=1e-15
+    )
 
 
 LINE = {"length": 0.2, "width": 1.9 * MIN_SPREAD}
@@ -150,7 +193,11 @@ def test_what_is_no_flat_foot_is_refused(sled):
     with pytest.raises(hp.InputError, match="must be a FlatFoot"):
         hp.load_robot(sled.urdf, feet=("skid",), flat_feet={"skid": (0.2, 0.1)})
     nowhere = {"length": 0.2, "width": 0.1, "orientation": (0.0, np.nan, 0.0)}
-    bare = {"length": 0.0, "width": 0.1}, {"length": 0.2, "width": np.nan}, {"length": -0.2, "width": 0.1}
+    bare = (
+        {"length": 0.0, "width": 0.1},
+        {"length": 0.2, "width": np.nan},
+        {"length": -0.2, "width": 0.1},
+    )
     for bad in (*bare, LINE, nowhere):
         with pytest.raises(hp.InputError, match="of a flat foot"):
             hp.FlatFoot(**bad)
@@ -158,7 +205,9 @@ def test_what_is_no_flat_foot_is_refused(sled):
 
 @needs_robots
 def test_soles_of_humanoids_are_inside_their_geometry():
-    """Talos' lowest vertices and G1's spheres lie around the corners; iCub's sole is as large as its mesh's bottom."""
+    """Talos' lowest vertices and G1's spheres lie around the corners; iCub's sole is as large as
+    its mesh's bottom.
+    """
     folder = CATALOGUE["talos"].path().parents[4]
     for name, link, box in (
         ("talos", "leg_left_6_link", None),
@@ -167,7 +216,9 @@ def test_soles_of_humanoids_are_inside_their_geometry():
     ):
         robot = hp.load_robot(name)
         kind = pin.GeometryType.COLLISION
-        shapes = pin.buildGeomFromUrdf(robot.model, str(robot.urdf), kind, package_dirs=[str(folder)])
+        shapes = pin.buildGeomFromUrdf(
+            robot.model, str(robot.urdf), kind, package_dirs=[str(folder)]
+        )
         sole = robot.model.frames[robot.frame_id(CATALOGUE[name].feet[0])]
         points = []
         for shape in shapes.geometryObjects:
@@ -176,7 +227,9 @@ def test_soles_of_humanoids_are_inside_their_geometry():
                 if hasattr(geometry, "radius"):
                     points.append(place.translation[None] - (0.0, 0.0, geometry.radius))
                 else:
-                    points.append(np.array(geometry.vertices()) @ place.rotation.T + place.translation)
+                    points.append(
+                        np.array(geometry.vertices()) @ place.rotation.T + place.translation
+                    )
         cloud = np.vstack(points)
         bottom = cloud[cloud[:, 2] < cloud[:, 2].min() + 3e-3, :2]
         foot = CATALOGUE[name].flat_feet[CATALOGUE[name].feet[0]]
@@ -195,29 +248,39 @@ def test_soles_of_humanoids_are_inside_their_geometry():
 def test_limbs_that_are_none_are_refused_by_name():
     g1 = hp.load_robot("g1")
     points = hp.load_robot("g1", feet=CATALOGUE["g1"].feet)
-    with pytest.raises(hp.InputError, match=r"point foot must have 3 joints; that of 'left_sole' .* has 6: left_hip"):
+    with pytest.raises(
+        hp.InputError,
+        match=r"point foot must have 3 joints; that of 'left_sole' .* has 6: left_hip",
+    ):
         CondensedSolver(points)
     with pytest.raises(hp.InputError, match="point foot must have 3 joints"):
         make_problem("contact_force", points)
     hands = ("left_wrist_yaw_link", "right_wrist_yaw_link")
     on_hands = hp.load_robot("g1", feet=hands, flat_feet=dict.fromkeys(hands, SOLE))
-    with pytest.raises(hp.InputError, match=r"joint 'waist_yaw_joint' .* moves the feet 'left_wrist_yaw_link_0' and"):
+    with pytest.raises(
+        hp.InputError,
+        match=r"joint 'waist_yaw_joint' .* moves the feet 'left_wrist_yaw_link_0' and",
+    ):
         CondensedSolver(on_hands)
-    with pytest.raises(hp.InputError, match=r"have \(4, 1, 1, 1, 1\) contact points: all must be points"):
+    with pytest.raises(
+        hp.InputError, match=r"have \(4, 1, 1, 1, 1\) contact points: all must be points"
+    ):
         CondensedSolver(replace(g1, flat_feet=(4, 1, 1, 1, 1)))
 
 
 def dense_truth(robot, dynamics, v, torque, targets):
-    """Accelerations of the robot and wrenches on its held soles, by Pinocchio's frame Jacobians: one dense system."""
+    """Accelerations of the robot and wrenches on its held soles, by Pinocchio's frame Jacobians:
+    one dense system.
+    """
     model, rows, desired, moments = robot.model, [], [], []
     starts = np.cumsum((0, *robot.corners))
     for n, first in enumerate(starts[:-1]):
         if not targets.held[first]:
             continue
         own = slice(3 * first, 3 * starts[n + 1])
-        arms = dynamics.foot_position[first : starts[n + 1]] - dynamics.foot_position[first : starts[n + 1]].mean(
-            axis=0
-        )
+        arms = dynamics.foot_position[first : starts[n + 1]] - dynamics.foot_position[
+            first : starts[n + 1]
+        ].mean(axis=0)
         rigid = np.vstack([np.hstack((np.eye(3), -pin.skew(arm))) for arm in arms])
         twist = np.linalg.lstsq(rigid, dynamics.foot_jacobian[own], rcond=None)[0]
         rows.append(twist)
@@ -238,9 +301,11 @@ def dense_truth(robot, dynamics, v, torque, targets):
 @needs_robots
 @pytest.mark.parametrize(("arms", "torque_scale"), [(1.0, 1.0), (0.01, 1.0), (1.0, 0.25)])
 def test_law_of_a_humanoid_is_true_and_optimal(arms, torque_scale, fuzz):
-    """With its torques the rigid robot has its accelerations and contact wrenches; and it is the QP's optimum.
+    """With its torques the rigid robot has its accelerations and contact wrenches; and it is the
+    QP's optimum.
 
-    Arms, torso and head give way as in the QP, and more where their weight is small; with weak motors, too.
+    Arms, torso and head give way as in the QP, and more where their weight is small; with weak
+    motors, too.
     """
     robot = hp.load_robot("g1")
     dynamics, rng, mass = hp.Dynamics(robot), np.random.default_rng(3), robot.mass
@@ -248,7 +313,10 @@ def test_law_of_a_humanoid_is_true_and_optimal(arms, torque_scale, fuzz):
         orientation=0.25, swing=12.0, posture=1e-9, arms=arms, thrust=3.5e-4, force=2e-4 / mass**2
     )
     limits = WholeBodyLimits(mu=0.5, torque_scale=torque_scale, give_way=1.0)
-    law, problem = CondensedSolver(robot, weights, limits), make_problem("full", robot, weights, limits)
+    law, problem = (
+        CondensedSolver(robot, weights, limits),
+        make_problem("full", robot, weights, limits),
+    )
     solver = make_solver("active_set", problem.program)
     standing, nv = hp.Standing(robot).initial_state()[0], robot.model.nv
     targets, inputs = WholeBodyTargets(robot), np.empty(nv - 6)
@@ -256,11 +324,19 @@ def test_law_of_a_humanoid_is_true_and_optimal(arms, torque_scale, fuzz):
     compared = binding = limited = 0
     deviation = 0.0
     for _ in range(60 * fuzz):
-        q, v = pin.integrate(robot.model, standing, 0.05 * rng.standard_normal(nv)), 0.05 * rng.standard_normal(nv)
+        q, v = (
+            pin.integrate(robot.model, standing, 0.05 * rng.standard_normal(nv)),
+            0.05 * rng.standard_normal(nv),
+        )
         targets.body[:], targets.orientation[:] = rng.standard_normal(3), rng.standard_normal(3)
-        targets.feet[:], targets.joints[:] = rng.standard_normal((8, 3)), rng.standard_normal(nv - 6)
+        targets.feet[:], targets.joints[:] = (
+            rng.standard_normal((8, 3)),
+            rng.standard_normal(nv - 6),
+        )
         targets.joint_share[free - 6] = 10.0 ** rng.uniform(0.0, 2.0, len(free))
-        targets.held[:] = np.repeat([(True, True), (True, False), (False, True)][rng.integers(3)], 4)
+        targets.held[:] = np.repeat(
+            [(True, True), (True, False), (False, True)][rng.integers(3)], 4
+        )
         targets.force_range[:] = (0.0, 2.0 * mass * 9.81)
         dynamics.update(q, v)
         torque = law.solve(dynamics, v, dynamics.rotation, targets).copy()
@@ -269,7 +345,9 @@ def test_law_of_a_humanoid_is_true_and_optimal(arms, torque_scale, fuzz):
         assert (law.force[held, 2] >= -1e-9).all()
         assert (law.force[~held] == 0.0).all()
         assert not law.status & CondensedStatus.TORQUE_CLIPPED
-        deviation = max(deviation, float(np.abs(law.acceleration[free] - targets.joints[free - 6]).max()))
+        deviation = max(
+            deviation, float(np.abs(law.acceleration[free] - targets.joints[free - 6]).max())
+        )
         acceleration, wrenches, moments = dense_truth(robot, dynamics, v, torque, targets)
         scale = 1.0 + np.abs(torque).max()
         np.testing.assert_allclose(
@@ -283,7 +361,9 @@ def test_law_of_a_humanoid_is_true_and_optimal(arms, torque_scale, fuzz):
             problem.inputs(solution.z, inputs)
             np.testing.assert_allclose(torque, inputs, rtol=0, atol=2e-4 * scale)
             given = problem.acceleration(solution.z)
-            np.testing.assert_allclose(law.acceleration, given, rtol=0, atol=2e-4 * (1.0 + np.abs(given).max()))
+            np.testing.assert_allclose(
+                law.acceleration, given, rtol=0, atol=2e-4 * (1.0 + np.abs(given).max())
+            )
             compared += 1
             limited += law.status & CondensedStatus.TORQUE_LIMITED != 0
             binding += bool((limits.pyramid @ law.force[held].T < 1e-6).any())

@@ -1,4 +1,6 @@
-"""Armature, damping and dry friction of joints as they are known: in the model, in torques, and in both plants."""
+"""Armature, damping and dry friction of joints as they are known: in the model, in torques, and in
+both plants.
+"""
 
 import numpy as np
 import pinocchio as pin
@@ -52,7 +54,9 @@ def test_torques_overcome_the_friction_and_nothing_else_changes(name, which):
     known = controller(name, robot.with_joints(damping=damping, friction=friction)).step(state)
     speed = state.v[6:]
     more = damping * speed + friction * np.tanh(speed / KNEE)
-    np.testing.assert_allclose(known.torque - plain.torque, more, atol=1e-6 * abs(plain.torque).max())
+    np.testing.assert_allclose(
+        known.torque - plain.torque, more, atol=1e-6 * abs(plain.torque).max()
+    )
     assert abs(more).max() > 0.1
 
 
@@ -81,7 +85,9 @@ def test_plants_have_these_joints(plant):
     place.advance(hp.Command(np.full(6, 0.1), np.zeros((2, 3))), steps=100)
     moved = abs(place.q[7:] - q[7:])
     assert moved[friction == 0.0].min() > 3e-3
-    assert moved[friction > 0.0].max() < (1e-9 if plant is hp.Simulator else 1e-3)  # that of the others creeps
+    assert moved[friction > 0.0].max() < (
+        1e-9 if plant is hp.Simulator else 1e-3
+    )  # that of the others creeps
 
 
 @needs_robots
@@ -93,7 +99,9 @@ def test_a_walk_with_known_joints_slips_less(name):
         gait = hp.WalkingGait(believed, velocity=[(0.0, 0.4, 0.0, 0.2)])
         plant = started(MujocoPlant(robot.with_joints(**KNOWN), hp.Ground(mu_s=0.5)), gait)
         slip.append(
-            hp.measure(plant.run(hp.make_controller(name, gait, mu=0.45, **own_search(name)), 2.0)).slip_mm_per_step
+            hp.measure(
+                plant.run(hp.make_controller(name, gait, mu=0.45, **own_search(name)), 2.0)
+            ).slip_mm_per_step
         )
     assert slip[0] < 0.5
     assert slip[1] > 4.0 * slip[0]

@@ -1,4 +1,6 @@
-"""Closed-form leg kinematics and the iterative solver, against geometry, Pinocchio and brute force."""
+"""Closed-form leg kinematics and the iterative solver, against geometry, Pinocchio and brute
+force.
+"""
 
 import re
 from functools import cache
@@ -26,7 +28,9 @@ coordinate = st.floats(-1.0, 1.0)
 
 
 def foot_of(side, angles):
-    """The leg by hand: hip beam, then a frontal turn of a planar two-link chain. Accepts complex angles."""
+    """The leg by hand: hip beam, then a frontal turn of a planar two-link chain. Accepts complex
+    angles.
+    """
     frontal, sagittal, knee = angles
     x = -UPPER * np.sin(sagittal) - LOWER * np.sin(sagittal + knee)
     z = -UPPER * np.cos(sagittal) - LOWER * np.cos(sagittal + knee)
@@ -38,26 +42,31 @@ def foot_of(side, angles):
 def distance_to_workspace(side, foot):
     """Shortest way to a point of the leg, by search.
 
-    Around the frontal axis everything is symmetric: a point is (x, ρ), ρ its distance from the axis. The leg reaches
-    (x, √(d² + w²)) for all |upper − lower| ≤ √(x² + w²) ≤ upper + lower.
+    Around the frontal axis everything is symmetric: a point is (x, ρ), ρ its distance from the
+    axis. The leg reaches (x, √(d² + w²)) for all |upper − lower| ≤ √(x² + w²) ≤ upper + lower.
     """
     x, rho = foot[0], np.hypot(foot[1] - 0.1 * side, foot[2] + 0.1)
     offset = 0.05
 
     def gap(length, direction):
-        return np.hypot(x - length * np.cos(direction), rho - np.hypot(offset, length * np.sin(direction)))
+        return np.hypot(
+            x - length * np.cos(direction), rho - np.hypot(offset, length * np.sin(direction))
+        )
 
     length = np.hypot(x, np.sqrt(max(rho**2 - offset**2, 0.0)))
     if rho >= offset and UPPER - LOWER <= length <= UPPER + LOWER:
         return 0.0
-    # Outside, the nearest point is on the border: one of the two circles, or w = 0 (the line ρ = d).
+    # Outside, the nearest point is on the border: one of the two circles, or w = 0 (the line ρ =
+    # d).
     best = np.inf
     for radius in (UPPER - LOWER, UPPER + LOWER):
         directions = np.linspace(0.0, np.pi, 721)
         start = directions[np.argmin(gap(radius, directions))]
         step = directions[1]
         found = minimize_scalar(
-            lambda a, radius=radius: gap(radius, a), bounds=(start - step, start + step), options={"xatol": 1e-12}
+            lambda a, radius=radius: gap(radius, a),
+            bounds=(start - step, start + step),
+            options={"xatol": 1e-12},
         )
         best = min(best, found.fun, gap(radius, start))
     nearest_x = np.sign(x if x else 1.0) * np.clip(abs(x), UPPER - LOWER, UPPER + LOWER)
@@ -66,7 +75,10 @@ def distance_to_workspace(side, foot):
 
 @pytest.fixture(scope="module")
 def legs(robot):
-    return {1: LegGeometry.from_robot(robot, "left_foot"), -1: LegGeometry.from_robot(robot, "right_foot")}
+    return {
+        1: LegGeometry.from_robot(robot, "left_foot"),
+        -1: LegGeometry.from_robot(robot, "right_foot"),
+    }
 
 
 def test_geometry_is_read_from_the_model(legs):
@@ -76,7 +88,9 @@ def test_geometry_is_read_from_the_model(legs):
         assert (leg.upper, leg.lower) == pytest.approx((UPPER, LOWER), abs=1e-15)
 
 
-hanging = st.tuples(sides, st.floats(-1.5, 1.5), st.floats(-2.5, 2.5), st.floats(0.05, np.pi - 0.05))
+hanging = st.tuples(
+    sides, st.floats(-1.5, 1.5), st.floats(-2.5, 2.5), st.floats(0.05, np.pi - 0.05)
+)
 
 
 @given(leg=hanging)
@@ -109,7 +123,9 @@ def test_round_trip(legs, leg):
 @example(side=-1, foot=(0.0, -0.1, -0.1))
 @example(side=-1, foot=(0.4, -0.1, -0.1))
 def test_reached_or_refused_with_the_nearest_point(legs, side, foot):
-    """Any point at all: either the foot is put there exactly, or the error says by how much it is out of reach."""
+    """Any point at all: either the foot is put there exactly, or the error says by how much it is
+    out of reach.
+    """
     exact = distance_to_workspace(side, foot)
     refusal = None
     try:
@@ -184,7 +200,11 @@ def test_feet_of_harpy(robot, draw_state, seed):
 @given(seed=seeds)
 def test_four_legs(seed):
     robot, desired = named("go2"), middle(named("go2"))
-    desired[7:] += 0.3 * np.random.default_rng(seed).uniform(-1.0, 1.0, 12) * (robot.joint_upper - robot.joint_lower)
+    desired[7:] += (
+        0.3
+        * np.random.default_rng(seed).uniform(-1.0, 1.0, 12)
+        * (robot.joint_upper - robot.joint_lower)
+    )
     targets = dict(zip(robot.feet, places(robot, desired), strict=True))
     result = solve_ik(robot, targets, middle(robot))
     assert within_limits(robot, result.q)
@@ -198,9 +218,13 @@ def test_four_legs(seed):
 @needs_robots
 @given(seed=seeds)
 def test_pose_of_a_sole_nearby(seed):
-    """From a start within reach of Newton's method, a pose (position and orientation) is met by a leg of six joints."""
+    """From a start within reach of Newton's method, a pose (position and orientation) is met by a
+    leg of six joints.
+    """
     robot, rng = named("g1"), np.random.default_rng(seed)
-    leg = 7 + np.array([j for j, name in enumerate(robot.joints) if re.match("left_(hip|knee|ankle)", name)])
+    leg = 7 + np.array(
+        [j for j, name in enumerate(robot.joints) if re.match("left_(hip|knee|ankle)", name)]
+    )
     desired = pin.neutral(robot.model)
     desired[leg] = np.array([-0.4, 0.0, 0.0, 0.8, -0.4, 0.0]) + 0.2 * rng.uniform(-1.0, 1.0, 6)
     start = desired.copy()
@@ -217,11 +241,14 @@ def test_pose_of_a_sole_nearby(seed):
 @settings(max_examples=15)
 @given(seed=seeds)
 def test_unreachable_foot_stalls_at_the_nearest_point(robot, seed):
-    """Straight below and ahead of the hip, out of reach: the distance left is the least there is, limits included."""
+    """Straight below and ahead of the hip, out of reach: the distance left is the least there is,
+    limits included.
+    """
     rng = np.random.default_rng(seed)
     start = middle(robot)
     target = np.array([rng.uniform(-0.3, 0.3), rng.uniform(0.1, 0.3), rng.uniform(-1.5, -0.9)])
-    # Far out of reach the descent is slow: it takes more than the default 200 steps to come to a stop.
+    # Far out of reach the descent is slow: it takes more than the default 200 steps to come to a
+    # stop.
     result = solve_ik(robot, {"left_foot": target}, start, max_iterations=20_000)
     assert result.status is IKStatus.STALLED
     assert not result.converged
@@ -281,6 +308,10 @@ def test_bad_input_of_solve_ik(robot):
     for bad in ([0, 0], [0, 0, np.nan], "abc", np.zeros((3, 1)), pose):
         with pytest.raises(InputError):
             solve_ik(robot, {"left_foot": bad}, start)
-    for bad in (start[:-1], np.full(13, np.nan), np.zeros(13)):  # the last one without an orientation
+    for bad in (
+        start[:-1],
+        np.full(13, np.nan),
+        np.zeros(13),
+    ):  # the last one without an orientation
         with pytest.raises(InputError):
             solve_ik(robot, {"left_foot": np.zeros(3)}, bad)

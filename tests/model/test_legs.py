@@ -1,4 +1,6 @@
-"""Which joints are of a leg, and which of them is its knee, of generated bipeds and of robots that are known."""
+"""Which joints are of a leg, and which of them is its knee, of generated bipeds and of robots that
+are known.
+"""
 
 from __future__ import annotations
 
@@ -29,7 +31,9 @@ NO_YAW = SIX[1:]
 def biped(tmp_path: Path):
     """Makes a biped of what :func:`biped_urdf` takes, on soles unless ``flat`` is false."""
 
-    def make(*arguments, flat: bool = True, sole: hp.FlatFoot = SOLE, posture=None, **settings) -> hp.Robot:
+    def make(
+        *arguments, flat: bool = True, sole: hp.FlatFoot = SOLE, posture=None, **settings
+    ) -> hp.Robot:
         (tmp_path / "biped.urdf").write_text(biped_urdf(*arguments, **settings))
         soles = dict.fromkeys(FEET, sole) if flat else None
         return hp.load_robot(tmp_path / "biped.urdf", feet=FEET, flat_feet=soles, posture=posture)
@@ -89,12 +93,18 @@ def test_a_waist_stays_as_it_is_in_a_posture_and_the_soles_are_level(biped):
     np.testing.assert_array_equal(q[7:9], 0.0)
     np.testing.assert_allclose(q[9:], hp.Standing(plain).initial_state()[0][7:], atol=1e-6)
     pin.framesForwardKinematics(model, data, q)
-    np.testing.assert_allclose([data.oMf[robot.frame_id(name)].translation[2] for name in robot.feet], 0.0, atol=1e-5)
+    np.testing.assert_allclose(
+        [data.oMf[robot.frame_id(name)].translation[2] for name in robot.feet], 0.0, atol=1e-5
+    )
 
 
-@pytest.mark.parametrize(("joints", "flat"), [(SIX, True), (SEVEN, True), (SIX, False), (FIVE, False)])
+@pytest.mark.parametrize(
+    ("joints", "flat"), [(SIX, True), (SEVEN, True), (SIX, False), (FIVE, False)]
+)
 def test_legs_that_mirror_each_other_stand_alike(biped, joints, flat):
-    """Also where a leg has more joints than its foot needs: none of them is then turned for nothing."""
+    """Also where a leg has more joints than its foot needs: none of them is then turned for
+    nothing.
+    """
     robot = biped(joints, flat=flat)
     angles = dict(zip(robot.joints, hp.Standing(robot).initial_state()[0][7:], strict=True))
     for name in joints:
@@ -103,16 +113,21 @@ def test_legs_that_mirror_each_other_stand_alike(biped, joints, flat):
 
 
 def test_a_waist_is_no_part_of_a_walk_s_build(biped):
-    """All that a walk takes from legs is that of the robot without a waist, which weighs the same in all."""
+    """All that a walk takes from legs is that of the robot without a waist, which weighs the same
+    in all.
+    """
     robots = biped(waist=("waist",)), biped()
-    with_waist, without = (build_of(robot, hp.Standing(robot).initial_state()[0]) for robot in robots)
+    with_waist, without = (
+        build_of(robot, hp.Standing(robot).initial_state()[0]) for robot in robots
+    )
     for name in ("leg", "reach", "hip", "sole"):
         np.testing.assert_allclose(getattr(with_waist, name), getattr(without, name), atol=1e-6)
 
 
 def test_the_condensed_controller_names_the_joint_that_moves_both_feet(biped):
     with pytest.raises(
-        hp.InputError, match=r"joint 'j_waist' of 'biped' moves the feet 'L_sole_0' and 'R_sole_0'.*'wbc'"
+        hp.InputError,
+        match=r"joint 'j_waist' of 'biped' moves the feet 'L_sole_0' and 'R_sole_0'.*'wbc'",
     ):
         CondensedSolver(biped(waist=("waist",)))
 
@@ -137,10 +152,15 @@ def test_legs_that_can_put_a_level_sole_anywhere_walk(biped, joints):
 )
 @pytest.mark.parametrize("waist", [(), ("waist", "lean")])
 def test_soles_on_legs_without_an_ankle_do_not_walk_but_stand(biped, joints, where, waist):
-    """As on H1: without a joint that tilts it, a sole that stays level holds the body where it is."""
-    robot = biped(joints, waist=waist, posture=None if "ankle" in joints else np.zeros(8 + len(waist)))
+    """As on H1: without a joint that tilts it, a sole that stays level holds the body where it
+    is.
+    """
+    robot = biped(
+        joints, waist=waist, posture=None if "ankle" in joints else np.zeros(8 + len(waist))
+    )
     says = (
-        rf"'biped' cannot walk on soles: the {len(joints)} joints of the leg of 'L_sole_0' cannot move it {where} and"
+        rf"'biped' cannot walk on soles: the {len(joints)} joints of the leg of 'L_sole_0' "
+        rf"cannot move it {where} and"
     )
     with pytest.raises(hp.InputError, match=says):
         hp.WalkingGait(robot)
@@ -156,7 +176,8 @@ def test_soles_on_legs_without_an_ankle_do_not_walk_but_stand(biped, joints, whe
 def test_controllers_that_cannot_say_so_where_they_are_made(biped, joints):
     gait = hp.Standing(biped(joints))
     with pytest.raises(
-        hp.InputError, match=rf"'L_sole_0' of 'biped' has {len(joints)}: j_L.*; controller 'wbc' has any"
+        hp.InputError,
+        match=rf"'L_sole_0' of 'biped' has {len(joints)}: j_L.*; controller 'wbc' has any",
     ):
         hp.make_controller("condensed", gait, mu=0.5)
     with pytest.raises(hp.InputError, match=rf"moves 6 joints, 'biped' has {2 * len(joints)}"):
@@ -164,7 +185,9 @@ def test_controllers_that_cannot_say_so_where_they_are_made(biped, joints):
 
 
 def test_a_holding_leg_needs_the_torque_of_the_work_against_its_share_of_the_weight(biped):
-    """By finite differences of the potential energy of the robot and of its share of the weight at the foot."""
+    """By finite differences of the potential energy of the robot and of its share of the weight at
+    the foot.
+    """
     robot = biped()
     q, model, data = hp.Standing(robot).initial_state()[0], robot.model, robot.model.createData()
 
@@ -179,7 +202,10 @@ def test_a_holding_leg_needs_the_torque_of_the_work_against_its_share_of_the_wei
     for column in joints:
         v = np.zeros(model.nv)
         v[column] = step
-        torques.append((energy(pin.integrate(model, q, v)) - energy(pin.integrate(model, q, -v))) / (2.0 * step))
+        torques.append(
+            (energy(pin.integrate(model, q, v)) - energy(pin.integrate(model, q, -v)))
+            / (2.0 * step)
+        )
     expected = np.max(np.abs(torques) / model.effortLimit[joints])
     assert holding_load(robot, q, np.array([0, 1])) == pytest.approx(expected, rel=1e-6)
     assert holding_load(robot, q, np.array([0, 0])) < expected
@@ -208,7 +234,9 @@ def test_the_largest_speed_is_positive_or_refused_and_says_what_it_depends_on(bi
 
 def test_motors_that_cannot_hold_a_robot_make_it_fall_and_are_refused(biped):
     weak = biped(effort=16.0)
-    with pytest.raises(hp.InputError, match=r"motors of 'biped' hold it in mid-step, which takes 1\.3 times their"):
+    with pytest.raises(
+        hp.InputError, match=r"motors of 'biped' hold it in mid-step, which takes 1\.3 times their"
+    ):
         hp.WalkingGait(weak)
     gait = hp.WalkingGait(weak, max_speed=0.3, velocity=(0.1, 0.0, 0.0))
     assert gait.limited_by == "max_speed"
@@ -219,11 +247,14 @@ def test_motors_that_cannot_hold_a_robot_make_it_fall_and_are_refused(biped):
 def test_slow_robots_are_said_to_be_slow_and_why(biped):
     wide = biped(hips=0.3)
     with pytest.warns(
-        UserWarning, match=r"'biped' walks at 0\.0\d* m/s at most, limited by how far its feet reach"
+        UserWarning,
+        match=r"'biped' walks at 0\.0\d* m/s at most, limited by how far its feet reach",
     ) as said:
         hp.WalkingGait(wide)
     assert [warning.filename for warning in said] == [__file__]
-    with pytest.warns(UserWarning, match=r"velocity \(3, 0, 0\) .* limited to .* by the length of its legs$"):
+    with pytest.warns(
+        UserWarning, match=r"velocity \(3, 0, 0\) .* limited to .* by the length of its legs$"
+    ):
         hp.WalkingGait(biped(), velocity=(3.0, 0.0, 0.0))
 
 
@@ -232,12 +263,17 @@ def test_heavier_motors_swing_legs_slower_also_on_two_feet(biped):
     for armature in (0.0, 0.5, 1.0):
         gait = hp.WalkingGait(biped(effort=60.0).with_joints(armature=armature))
         speeds.append(gait.max_speed)
-        assert gait.limited_by == ("the torques of its motors" if armature else "the length of its legs")
+        assert gait.limited_by == (
+            "the torques of its motors" if armature else "the length of its legs"
+        )
     assert speeds[0] > speeds[1] > speeds[2] > 0.0
 
 
 def test_points_on_legs_that_could_hold_a_sole_are_said(biped):
-    with pytest.warns(UserWarning, match="'biped' has points as feet on legs of 6 joints: flat_feet makes them soles"):
+    with pytest.warns(
+        UserWarning,
+        match="'biped' has points as feet on legs of 6 joints: flat_feet makes them soles",
+    ):
         hp.WalkingGait(biped(flat=False))
 
 

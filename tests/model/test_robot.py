@@ -1,4 +1,6 @@
-"""The URDF against the pantograph it stands for, in three readers; loading, and refusing to load."""
+"""The URDF against the pantograph it stands for, in three readers; loading, and refusing to
+load.
+"""
 
 import os
 import xml.etree.ElementTree as ElementTree
@@ -12,7 +14,11 @@ from hypothesis import strategies as st
 import harpy_pin as hp
 from harpy_pin import RobotError
 
-JOINTS = tuple(f"{side}_{joint}" for side in ("left", "right") for joint in ("hip_frontal", "hip_sagittal", "knee"))
+JOINTS = tuple(
+    f"{side}_{joint}"
+    for side in ("left", "right")
+    for joint in ("hip_frontal", "hip_sagittal", "knee")
+)
 angle = st.floats(-np.pi, np.pi)
 leg_angles = st.tuples(angle, angle, angle)
 seeds = st.integers(0, 2**32 - 1)
@@ -57,7 +63,9 @@ def mirrored_q(q):
 
 
 def mirror_velocity():
-    """Matrix of the mirror y → −y on generalised velocities (a reflected angular velocity is a pseudovector)."""
+    """Matrix of the mirror y → −y on generalised velocities (a reflected angular velocity is a
+    pseudovector).
+    """
     matrix = np.zeros((12, 12))
     matrix[:6, :6] = np.diag([1, -1, 1, -1, 1, -1])
     swap = np.diag([-1.0, 1.0, 1.0])
@@ -77,7 +85,10 @@ def test_pinocchio_reads_it(robot):
 
 
 def test_masses_are_where_the_paper_has_them(robot):
-    mass = {name: inertia.mass for name, inertia in zip(robot.model.names, robot.model.inertias, strict=True)}
+    mass = {
+        name: inertia.mass
+        for name, inertia in zip(robot.model.names, robot.model.inertias, strict=True)
+    }
     assert mass["root_joint"] == 2.0
     for side in ("left", "right"):
         assert mass[f"{side}_hip_frontal"] == 0.5
@@ -89,7 +100,9 @@ def test_thrusters_are_mounted_as_in_the_paper(robot):
     data = robot.model.createData()
     pin.framesForwardKinematics(robot.model, data, pin.neutral(robot.model))
     for side, name in ((1, "left_thruster"), (-1, "right_thruster")):
-        np.testing.assert_allclose(data.oMf[robot.frame_id(name)].translation, [0, 0.1 * side, 0], atol=1e-15)
+        np.testing.assert_allclose(
+            data.oMf[robot.frame_id(name)].translation, [0, 0.1 * side, 0], atol=1e-15
+        )
 
 
 def test_limits_and_armature_are_those_of_the_file(robot):
@@ -117,13 +130,18 @@ def test_foot_is_the_pantographs_in_pinocchio(robot, left, right):
     pin.framesForwardKinematics(robot.model, data, configuration(left, right))
     for side, foot, angles in ((1, "left_foot", left), (-1, "right_foot", right)):
         np.testing.assert_allclose(
-            data.oMf[robot.frame_id(foot)].translation, pantograph(side, angles)[2], rtol=0, atol=1e-12
+            data.oMf[robot.frame_id(foot)].translation,
+            pantograph(side, angles)[2],
+            rtol=0,
+            atol=1e-12,
         )
 
 
 @given(seed=seeds)
 def test_kinetic_energy_is_that_of_the_pantographs_masses(robot, draw_state, seed):
-    """With a massless lower leg, only body and motors move mass, and no foot enters: pantograph = serial chain."""
+    """With a massless lower leg, only body and motors move mass, and no foot enters: pantograph =
+    serial chain.
+    """
     q, v = draw_state(np.random.default_rng(seed))
     model = robot.model.copy()
     model.armature = np.zeros(12)
@@ -166,7 +184,10 @@ def test_left_and_right_are_mirror_images(robot, draw_state, seed):
     pin.framesForwardKinematics(model, one, q)
     pin.framesForwardKinematics(model, two, mirrored_q(q))
     for name, other in (("left_foot", "right_foot"), ("right_thruster", "left_thruster")):
-        here, there = one.oMf[robot.frame_id(name)].translation, two.oMf[robot.frame_id(other)].translation
+        here, there = (
+            one.oMf[robot.frame_id(name)].translation,
+            two.oMf[robot.frame_id(other)].translation,
+        )
         np.testing.assert_allclose(there, here * [1, -1, 1], atol=1e-14)
 
 

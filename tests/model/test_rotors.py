@@ -24,7 +24,9 @@ FLYERS = [name for name, entry in CATALOGUE.items() if entry.rotors]
 
 
 def hexarotor(folder, tilt):
-    """A rigid body with six rotors around it; each is tilted about its arm, to either side in turn, by ``tilt`` rad."""
+    """A rigid body with six rotors around it; each is tilted about its arm, to either side in turn,
+    by ``tilt`` rad.
+    """
     angles = 2.0 * np.pi * np.arange(ROTORS) / ROTORS
     links, rotors = "", []
     for k, angle in enumerate(angles):
@@ -54,12 +56,16 @@ def mixed(robot):
     )
     model = robot.model.copy()
     model.damping = np.zeros(model.nv)
-    load = hp.load_robot(robot.urdf, feet=robot.feet, thrusters=("left_thruster",), thrust_limit=53.0, rotors=rotors)
+    load = hp.load_robot(
+        robot.urdf, feet=robot.feet, thrusters=("left_thruster",), thrust_limit=53.0, rotors=rotors
+    )
     return replace(load, model=model)
 
 
 def wrenches(robot, q, forces):
-    """Pinocchio's external forces of given thrusts along the axes (rotors) or in the world (free thrusters)."""
+    """Pinocchio's external forces of given thrusts along the axes (rotors) or in the world (free
+    thrusters).
+    """
     model, data = robot.model, robot.model.createData()
     pin.framesForwardKinematics(model, data, q)
     external = [pin.Force.Zero() for _ in range(model.njoints)]
@@ -81,11 +87,15 @@ def axes(robot, q):
     """World axes of the rotors."""
     data = robot.model.createData()
     pin.framesForwardKinematics(robot.model, data, q)
-    return np.array([data.oMf[robot.frame_id(rotor.frame)].rotation @ rotor.axis for rotor in robot.rotors])
+    return np.array(
+        [data.oMf[robot.frame_id(rotor.frame)].rotation @ rotor.axis for rotor in robot.rotors]
+    )
 
 
 def test_plant_is_pinocchios_with_the_wrench(mixed, draw_state):
-    """Force and drag moment of rotors on base and foot, beside a free thruster: one step far above the ground."""
+    """Force and drag moment of rotors on base and foot, beside a free thruster: one step far above
+    the ground.
+    """
     rng, dt = np.random.default_rng(3), 1e-4
     simulator = hp.Simulator(mixed, dt=dt)
     for _ in range(5):
@@ -98,7 +108,9 @@ def test_plant_is_pinocchios_with_the_wrench(mixed, draw_state):
         external = wrenches(mixed, q, [free, *thrusts])
         data = mixed.model.createData()
         expected = pin.aba(mixed.model, data, q, v, np.concatenate((np.zeros(6), torque)), external)
-        np.testing.assert_allclose((simulator.v - v) / dt, expected, rtol=1e-7, atol=1e-7 * np.abs(expected).max())
+        np.testing.assert_allclose(
+            (simulator.v - v) / dt, expected, rtol=1e-7, atol=1e-7 * np.abs(expected).max()
+        )
     assert simulator.counts[2] == 0
 
 
@@ -108,14 +120,20 @@ def test_what_a_rotor_cannot_do_is_projected_and_counted(mixed, draw_state):
     dynamics.update(q, v)
     axis, torque, feet = axes(mixed, q), np.zeros(6), np.zeros((2, 3))
     aside = np.cross(axis[0], (1.0, 2.0, 3.0))
-    given = generalised_force(dynamics, torque, feet, np.array([np.zeros(3), 7.0 * axis[0] + aside, 20.0 * axis[1]]))
-    done = generalised_force(dynamics, torque, feet, np.array([np.zeros(3), 7.0 * axis[0], 12.0 * axis[1]]))
+    given = generalised_force(
+        dynamics, torque, feet, np.array([np.zeros(3), 7.0 * axis[0] + aside, 20.0 * axis[1]])
+    )
+    done = generalised_force(
+        dynamics, torque, feet, np.array([np.zeros(3), 7.0 * axis[0], 12.0 * axis[1]])
+    )
     np.testing.assert_allclose(given, done, atol=1e-12)
     simulator = hp.Simulator(mixed)
     simulator.reset(q, v)
     for thrust, counted in (((7.0, 3.0), 0), ((31.0, 3.0), 1), ((31.0, 0.0), 3)):
         simulator.reset(q, v)
-        simulator.advance(hp.Command(torque, np.vstack((np.zeros(3), np.array(thrust)[:, None] * axis))), steps=2)
+        simulator.advance(
+            hp.Command(torque, np.vstack((np.zeros(3), np.array(thrust)[:, None] * axis))), steps=2
+        )
         assert simulator.counts[2] == counted
 
 
@@ -124,28 +142,45 @@ def test_law_is_the_program_with_rotors_feet_and_limits(mixed, robot):
     rng = np.random.default_rng(5)
     standing = hp.make_gait(robot).initial_state()[0]
     states = [
-        (pin.integrate(mixed.model, standing, 0.1 * rng.standard_normal(12)), 0.3 * rng.standard_normal(12))
+        (
+            pin.integrate(mixed.model, standing, 0.1 * rng.standard_normal(12)),
+            0.3 * rng.standard_normal(12),
+        )
         for _ in range(80)
     ]
-    limits = WholeBodyLimits(mu=0.5, give_way=1.0)  # a program built once does not let tasks give way
+    limits = WholeBodyLimits(
+        mu=0.5, give_way=1.0
+    )  # a program built once does not let tasks give way
     weights = WholeBodyWeights.for_robot(flyer, posture=1e-10)
-    saturated, _ = same_optimum(mixed, states, weights, limits, ("input_space",), spread=4.0, most=300.0)
+    saturated, _ = same_optimum(
+        mixed, states, weights, limits, ("input_space",), spread=4.0, most=300.0
+    )
     assert 20 <= saturated < 80
 
 
 def test_law_is_the_program_in_the_air(flyer):
     rng = np.random.default_rng(6)
     neutral = pin.neutral(flyer.model)
-    states = [(pin.integrate(flyer.model, neutral, rng.standard_normal(6)), rng.standard_normal(6)) for _ in range(60)]
+    states = [
+        (pin.integrate(flyer.model, neutral, rng.standard_normal(6)), rng.standard_normal(6))
+        for _ in range(60)
+    ]
     how = {"spread": 8.0, "most": 300.0}
     saturated, _ = same_optimum(
-        flyer, states, WholeBodyWeights.for_robot(flyer), WholeBodyLimits(), ("input_space", "full"), **how
+        flyer,
+        states,
+        WholeBodyWeights.for_robot(flyer),
+        WholeBodyLimits(),
+        ("input_space", "full"),
+        **how,
     )
     assert 10 <= saturated <= 60
 
 
 def test_thrusts_are_the_analytic_allocation(flyer):
-    """Away from limits, with next to no weight on thrusts: the least thrusts that give force and moment."""
+    """Away from limits, with next to no weight on thrusts: the least thrusts that give force and
+    moment.
+    """
     angles = 2.0 * np.pi * np.arange(ROTORS) / ROTORS
     side = (-1.0) ** np.arange(ROTORS)
     around = np.stack((-np.sin(angles), np.cos(angles), np.zeros(ROTORS)))
@@ -170,7 +205,9 @@ def test_thrusts_are_the_analytic_allocation(flyer):
 
 @pytest.mark.parametrize("controller", ["condensed", "wbc"])
 def test_a_push_is_answered(flyer, controller, tmp_path):
-    """An impulse that gives 1 m/s sideways: back within 5 cm, thrusts within limits, balanced at the end."""
+    """An impulse that gives 1 m/s sideways: back within 5 cm, thrusts within limits, balanced at
+    the end.
+    """
     gait = hp.Hovering(flyer, height=1.2)
     push = hp.Push(0.5, (0.6 * MASS, -0.8 * MASS, 0.0))
     run = walked(gait, controller=controller, duration=5.0, pushes=(push,))
@@ -189,20 +226,29 @@ def test_a_push_is_answered(flyer, controller, tmp_path):
         assert ((along >= LIMIT[0] - 1e-9) & (along <= LIMIT[1] + 1e-9)).all()
     # Momentum in hover: the thrusts hold the weight, and neither they nor the drag turn the robot.
     q, thrust = run["q"][-1], run["thrust"][-1]
-    np.testing.assert_allclose(thrust.sum(axis=0), (0.0, 0.0, MASS * GRAVITY), atol=0.02 * MASS * GRAVITY)
+    np.testing.assert_allclose(
+        thrust.sum(axis=0), (0.0, 0.0, MASS * GRAVITY), atol=0.02 * MASS * GRAVITY
+    )
     along = np.sum(axes(flyer, q) * thrust, axis=1)
     total = sum(wrenches(flyer, q, along), pin.Force.Zero())
     np.testing.assert_allclose(total.angular, 0.0, atol=1e-3)
     measures = hp.measure(run)
     assert measures.solver_failures == 0
-    slips = (measures.slip_mm_per_step, measures.net_slip_mm_per_step, measures.sliding, measures.no_contact)
+    slips = (
+        measures.slip_mm_per_step,
+        measures.net_slip_mm_per_step,
+        measures.sliding,
+        measures.no_contact,
+    )
     assert np.isnan(slips).all()
     path = tmp_path / "flight.npz"
     run.save(path)
     loaded = hp.Run.load(path)
     assert loaded["foot_force"].shape == (5000, 0, 3)
     if controller == "condensed":
-        assert "thrust" in [entry["label"] for entry in content_of(replay_html([(loaded, flyer)]))["key"]]
+        assert "thrust" in [
+            entry["label"] for entry in content_of(replay_html([(loaded, flyer)]))["key"]
+        ]
         assert "feet" not in figures_of(loaded, flyer)
 
 
@@ -210,7 +256,9 @@ def test_mujoco_flies_alike(flyer):
     pytest.importorskip("mujoco")
     gait = hp.Hovering(flyer, shift=(0.1, 0.05, 0.1))
     how = {"controller": "condensed", "duration": 0.5}
-    runs = [hp.walk(hp.Scenario(plant=plant, **how), gait=gait) for plant in ("compliant", "mujoco")]
+    runs = [
+        hp.walk(hp.Scenario(plant=plant, **how), gait=gait) for plant in ("compliant", "mujoco")
+    ]
     np.testing.assert_allclose(runs[0]["q"][-1], runs[1]["q"][-1], atol=2e-4)
     assert np.abs(runs[0]["q"][-1, :3] - (0.0, 0.0, 1.0)).max() > 0.01
 
@@ -225,7 +273,10 @@ def test_a_lean_points_the_thrust_where_it_is_asked_for():
         assert push[2] >= 0.5 * GRAVITY - 1e-12
         slope = np.hypot(*push[:2]) / push[2]
         assert slope <= np.tan(MAX_LEAN) + 1e-12
-        if np.hypot(*desired[:2]) < np.tan(MAX_LEAN) * (desired[2] + GRAVITY) and desired[2] > -0.5 * GRAVITY:
+        if (
+            np.hypot(*desired[:2]) < np.tan(MAX_LEAN) * (desired[2] + GRAVITY)
+            and desired[2] > -0.5 * GRAVITY
+        ):
             np.testing.assert_allclose(limited, desired, atol=1e-12)
         lift = pin.exp3(rng.normal(scale=0.3, size=3))[:, 2]
         heading = rng.uniform(-3.0, 3.0)
@@ -274,7 +325,9 @@ def test_thrust_variables(mixed, flyer):
 @needs_robots
 @pytest.mark.parametrize("name", FLYERS)
 def test_catalogue_can_fly(name):
-    """The rotors hold the weight without turning the robot, within their limits; opposite drags cancel."""
+    """The rotors hold the weight without turning the robot, within their limits; opposite drags
+    cancel.
+    """
     robot = hp.load_robot(name)
     assert robot.feet == ()
     q, _ = hp.Hovering(robot).initial_state()

@@ -1,4 +1,6 @@
-"""Kernels over the tree against Pinocchio, for every kind of joint; and many physics steps in one crossing."""
+"""Kernels over the tree against Pinocchio, for every kind of joint; and many physics steps in one
+crossing.
+"""
 
 import numpy as np
 import pinocchio as pin
@@ -55,9 +57,14 @@ def test_terms_are_pinocchios(seed, far):
     for i in range(BODIES):
         placement = data.oMi[1].actInv(data.oMi[i + 1])
         np.testing.assert_allclose(tree["axes"][0, i], placement.rotation, rtol=0, atol=1e-13)
-        np.testing.assert_allclose(tree["position"][0, i], placement.translation, rtol=0, atol=1e-12)
         np.testing.assert_allclose(
-            tree["twist"][0, i], data.oMi[1].actInv(data.oMi[i + 1].act(data.v[i + 1])).vector, rtol=0, atol=1e-11
+            tree["position"][0, i], placement.translation, rtol=0, atol=1e-12
+        )
+        np.testing.assert_allclose(
+            tree["twist"][0, i],
+            data.oMi[1].actInv(data.oMi[i + 1].act(data.v[i + 1])).vector,
+            rtol=0,
+            atol=1e-11,
         )
 
 
@@ -89,7 +96,11 @@ def test_integration_is_pinocchios(seed, exponent):
 
 @pytest.mark.parametrize(
     "kind",
-    [pin.JointModelSpherical(), pin.JointModelPlanar(), pin.JointModelHelicalUnaligned(np.array([0, 0, 1.0]), 0.1)],
+    [
+        pin.JointModelSpherical(),
+        pin.JointModelPlanar(),
+        pin.JointModelHelicalUnaligned(np.array([0, 0, 1.0]), 0.1),
+    ],
 )
 def test_other_joints_are_refused_by_name(kind):
     model = pin.Model()
@@ -124,8 +135,9 @@ def test_many_steps_are_one_after_the_other(robot):
 
 
 def test_push_gives_its_impulse(robot):
-    """In free flight the momentum changes by the impulse, and by what it turns about the centre of mass; the step's own
-    error is of second order in so small an impulse."""
+    """In free flight the momentum changes by the impulse, and by what it turns about the centre of
+    mass; the step's own error is of second order in so small an impulse.
+    """
     simulator = hp.Simulator(robot, gravity=(0.0, 0.0, 0.0))
     q = hp.make_gait(robot).initial_state()[0]
     q[2] += 10.0
@@ -134,8 +146,12 @@ def test_push_gives_its_impulse(robot):
     impulse = 1e-3 * np.array([0.5, -0.4, 0.2])
     before = simulator.q[:3] - pin.centerOfMass(robot.model, robot.model.createData(), simulator.q)
     simulator.advance(
-        hp.Command(np.zeros(6), np.zeros((2, 3))), (hp.Push(0.0, tuple(impulse), duration=1e-3),), steps=2
+        hp.Command(np.zeros(6), np.zeros((2, 3))),
+        (hp.Push(0.0, tuple(impulse), duration=1e-3),),
+        steps=2,
     )
-    momentum = pin.computeCentroidalMomentum(robot.model, robot.model.createData(), simulator.q, simulator.v)
+    momentum = pin.computeCentroidalMomentum(
+        robot.model, robot.model.createData(), simulator.q, simulator.v
+    )
     np.testing.assert_allclose(momentum.linear, impulse, atol=1e-9)
     np.testing.assert_allclose(momentum.angular, np.cross(before, impulse), atol=1e-9)

@@ -14,8 +14,12 @@ def gait(robot):
 
 @pytest.fixture(scope="session")
 def installed(wheel, tmp_path_factory):
-    """Python of an environment that has the wheel, and everything else from the environment of the tests."""
-    return wheel_alone.install(wheel, tmp_path_factory.mktemp("installed") / "environment", shared=True, ziglang=True)
+    """Python of an environment that has the wheel, and everything else from the environment of the
+    tests.
+    """
+    return wheel_alone.install(
+        wheel, tmp_path_factory.mktemp("installed") / "environment", shared=True, ziglang=True
+    )
 
 
 @pytest.fixture(scope="module")

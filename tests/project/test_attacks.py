@@ -1,4 +1,6 @@
-"""Attacks on what is public, in one table: each is refused by an error of ours, or changes nothing."""
+"""Attacks on what is public, in one table: each is refused by an error of ours, or changes
+nothing.
+"""
 
 import pickle
 import re
@@ -49,17 +51,23 @@ def together(work, count=3):
     return errors
 
 
-@pytest.mark.parametrize("controller", ["condensed", "wbc", {"name": "wbc", "solver": "quadprog"}], ids=str)
+@pytest.mark.parametrize(
+    "controller", ["condensed", "wbc", {"name": "wbc", "solver": "quadprog"}], ids=str
+)
 def test_a_tick_waits_for_that_of_another_thread(controller):
     """Of a controller whose gait is Python in its first ticks, and with another solver in all."""
-    scenario = hp.Scenario(controller=controller, gait={"name": "commanded", "velocity": "0.3 0 0"}, duration=0.3)
+    scenario = hp.Scenario(
+        controller=controller, gait={"name": "commanded", "velocity": "0.3 0 0"}, duration=0.3
+    )
     states = states_of(hp.walk(scenario))
     for _ in range(5):
         made = hp.build(scenario).controller
 
         def work(number, made=made):
             for i in range(300):
-                assert np.isfinite(made.step(states[(7 * i + 100 * number) % len(states)]).torque).all()
+                assert np.isfinite(
+                    made.step(states[(7 * i + 100 * number) % len(states)]).torque
+                ).all()
 
         assert together(work) == []
 
@@ -72,7 +80,13 @@ def test_one_gait_in_two_threads():
         return [controller.step(state).torque.copy() for state in states[offset:]]
 
     expected = [commands(hp.make_gait(ROBOT), offset) for offset in (0, 1)]
-    assert together(lambda offset: np.testing.assert_array_equal(commands(gait, offset), expected[offset]), 2) == []
+    assert (
+        together(
+            lambda offset: np.testing.assert_array_equal(commands(gait, offset), expected[offset]),
+            2,
+        )
+        == []
+    )
 
 
 def test_a_batch_is_stepped_by_one_thread_at_a_time():
@@ -89,7 +103,9 @@ def test_a_batch_is_stepped_by_one_thread_at_a_time():
 
     errors = together(work)
     assert errors
-    assert {str(error).split(":")[0] for error in errors} == {"another thread is in a step of this batch"}
+    assert {str(error).split(":")[0] for error in errors} == {
+        "another thread is in a step of this batch"
+    }
 
 
 class BadExporter:
@@ -108,13 +124,17 @@ class BadExporter:
 
 
 def step_of_a_batch(q=None, *, name="go2", which="float64", **values):
-    """A step of a batch of two standing robots, with other configurations, frictions or errors of mass."""
+    """A step of a batch of two standing robots, with other configurations, frictions or errors of
+    mass.
+    """
     robot = hp.load_robot(name)
     batch, (standing, v) = CondensedBatch(robot, 2, dtype=which), hp.Standing(robot).initial_state()
     for attribute, value in values.items():
         getattr(batch, attribute)[:] = value
     rows = np.tile(standing, (2, 1))
-    return batch.step(rows if q is None else q(rows), np.zeros((2, len(v))), np.zeros((2, len(robot.feet), 3)))[0]
+    return batch.step(
+        rows if q is None else q(rows), np.zeros((2, len(v))), np.zeros((2, len(robot.feet), 3))
+    )[0]
 
 
 def edited(tmp_path, pattern, text, name="go2"):
@@ -142,7 +162,9 @@ def test_a_batch_refuses_what_a_controller_does(attack):
 
 
 @needs_robots
-@pytest.mark.parametrize(("name", "value"), [("mu", -1.0), ("mu", np.nan), ("mass_error", -1.0), ("mass_error", -2.0)])
+@pytest.mark.parametrize(
+    ("name", "value"), [("mu", -1.0), ("mu", np.nan), ("mass_error", -1.0), ("mass_error", -2.0)]
+)
 def test_a_batch_refuses_masses_and_frictions_that_are_none(name, value):
     with pytest.raises(hp.InputError, match=name):
         step_of_a_batch(**{name: value})
@@ -174,7 +196,10 @@ def test_a_first_sample_that_is_not_finite(controller, name):
     robot = hp.load_robot("go2")
     made = [
         hp.make_controller(
-            controller, hp.WalkingGait(robot, velocity=(0.3, 0.0, 0.0)), mu=0.5, **own_search(controller)
+            controller,
+            hp.WalkingGait(robot, velocity=(0.3, 0.0, 0.0)),
+            mu=0.5,
+            **own_search(controller),
         )
         for _ in "12"
     ]
@@ -193,7 +218,10 @@ def test_a_first_sample_that_is_not_finite(controller, name):
 @needs_robots
 @pytest.mark.filterwarnings("ignore:.*effort 0")
 def test_efforts_that_are_zero_or_tiny(tmp_path):
-    assert edited(tmp_path, 'effort="[^"]*"', 'effort="0"') == hp.WalkingGait(hp.load_robot("go2")).max_speed
+    assert (
+        edited(tmp_path, 'effort="[^"]*"', 'effort="0"')
+        == hp.WalkingGait(hp.load_robot("go2")).max_speed
+    )
     with pytest.raises(hp.InputError, match="at no speed can the motors"):
         edited(tmp_path, 'effort="[^"]*"', 'effort="1e-6"')
 

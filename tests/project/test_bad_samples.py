@@ -5,7 +5,17 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from guarded_walks import NAMES, REFERENCE, X_R, X, command_of, controller_of, copy, equal, governor_of
+from guarded_walks import (
+    NAMES,
+    REFERENCE,
+    X_R,
+    X,
+    command_of,
+    controller_of,
+    copy,
+    equal,
+    governor_of,
+)
 
 import harpy_pin as hp
 from harpy_pin.governors import ForceRows
@@ -30,7 +40,9 @@ def spoiled(rng, state, name):
 
 @pytest.mark.parametrize("name", NAMES)
 def test_bad_samples_leave_no_trace(name, gait, states, fuzz):
-    """Commands at good samples are those of a controller that never saw the bad ones, to the last bit."""
+    """Commands at good samples are those of a controller that never saw the bad ones, to the last
+    bit.
+    """
     rng = np.random.default_rng(5)
     controller, clean = controller_of(name, gait), controller_of(name, gait)
     last = hp.Command(np.zeros(6), np.zeros((2, 3)))
@@ -100,7 +112,9 @@ def test_references_survive_bad_samples(name, robot, fuzz):
 
 
 def test_contact_governor_holds_its_bend_and_says_so(robot, states):
-    governor, clean = (hp.ContactForceFilter(robot, hp.ContactForceFilterParameters(mu=0.05)) for _ in range(2))
+    governor, clean = (
+        hp.ContactForceFilter(robot, hp.ContactForceFilterParameters(mu=0.05)) for _ in range(2)
+    )
     for state in states[:10]:
         governor.update(state, command_of(robot))
         clean.update(state, command_of(robot))
@@ -123,7 +137,9 @@ def test_contact_governor_holds_its_bend_and_says_so(robot, states):
     governor.update(states[12], hp.Command(np.full(6, np.nan), np.zeros((2, 3))))
     assert governor.status.infeasible
     assert governor.status.bad_samples == HOLD_TICKS + 4
-    assert equal(governor.update(states[13], command_of(robot)), clean.update(states[13], command_of(robot)))
+    assert equal(
+        governor.update(states[13], command_of(robot)), clean.update(states[13], command_of(robot))
+    )
 
 
 class Flaky:

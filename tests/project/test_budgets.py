@@ -17,27 +17,48 @@ import harpy_pin
 
 ROOT = Path(__file__).resolve().parents[2]
 CONTRIB = "harpy_pin/contrib/"
-STATEMENTS = {"harpy_pin": 24_250, CONTRIB: 3_700, "reproduction": 2_100, "comparison": 7_450, "tests": 26_000}
-"""Most statements of the Python files that Git tracks in a folder; ``harpy_pin`` is without contrib."""
-LONGEST_FILE = 380
+STATEMENTS = {
+    "harpy_pin": 25_200,
+    CONTRIB: 3_700,
+    "reproduction": 2_100,
+    "comparison": 7_450,
+    "tests": 26_000,
+}
+"""Most statements of the Python files that Git tracks in a folder; ``harpy_pin`` is without
+contrib.
+"""
+LONGEST_FILE = 400
 """Most statements of a file."""
 MOST_PUBLIC_NAMES = 71
-MOST_WORDS = 19_100
+MOST_WORDS = 20_300
 """Of prose in README, docs and notebooks, without tables, code, formulas and comments."""
 
 
 def statements_of(folder: str) -> dict[str, int]:
-    listed = subprocess.run(["git", "ls-files", "-z", folder], cwd=ROOT, capture_output=True, text=True)
+    listed = subprocess.run(
+        ["git", "ls-files", "-z", folder], cwd=ROOT, capture_output=True, text=True
+    )
     if listed.returncode:
         pytest.skip("not a checkout")
-    names = [name for name in listed.stdout.split("\0") if name.endswith(".py") and (ROOT / name).is_file()]
+    names = [
+        name
+        for name in listed.stdout.split("\0")
+        if name.endswith(".py") and (ROOT / name).is_file()
+    ]
     trees = {name: ast.parse((ROOT / name).read_bytes()) for name in names}
-    return {name: sum(isinstance(node, ast.stmt) for node in ast.walk(tree)) for name, tree in trees.items()}
+    return {
+        name: sum(isinstance(node, ast.stmt) for node in ast.walk(tree))
+        for name, tree in trees.items()
+    }
 
 
 @pytest.mark.parametrize("folder", STATEMENTS)
 def test_statements_of_a_folder(folder):
-    found = {name: count for name, count in statements_of(folder).items() if folder == CONTRIB or CONTRIB not in name}
+    found = {
+        name: count
+        for name, count in statements_of(folder).items()
+        if folder == CONTRIB or CONTRIB not in name
+    }
     assert sum(found.values()) <= STATEMENTS[folder]
 
 
@@ -51,7 +72,10 @@ def test_words_of_the_docs():
     for path in (ROOT / "docs").rglob("*.ipynb"):
         cells = json.loads(path.read_text())["cells"]
         texts += ["".join(cell["source"]) for cell in cells if cell["cell_type"] == "markdown"]
-    texts = [re.sub(r"```.*?```|\$\$.*?\$\$|<!--.*?-->|^ *\|[^\n]*$", "", text, flags=re.S | re.M) for text in texts]
+    texts = [
+        re.sub(r"```.*?```|\$\$.*?\$\$|<!--.*?-->|^ *\|[^\n]*$", "", text, flags=re.S | re.M)
+        for text in texts
+    ]
     assert sum(len(text.split()) for text in texts) <= MOST_WORDS
 
 

@@ -18,14 +18,21 @@ TABLES = {
 }
 FOUND = "paper's governor, tracked, PID, tuned"
 WRONG = "assumption/assumption_0.15"
-PRINTED, BEST, LAW, QP = "paper's governor, as printed", "paper's best variant", "condensed WBC", "WBC QP, own search"
+PRINTED, BEST, LAW, QP = (
+    "paper's governor, as printed",
+    "paper's best variant",
+    "condensed WBC",
+    "WBC QP, own search",
+)
 PID, TIMING = "no governor, PID, tuned", "comparison/timing"
 ACTIVE, PROXQP = "WBC QP, own search", "WBC QP, ProxQP"
 
 
 def ratio(above: str, below: str, place: str = "") -> str:
     """The place of a ratio of two medians of a tick."""
-    return "{" + " / ".join(f"comparison/ticks|{row}|{place}median" for row in (above, below)) + "|2}"
+    return (
+        "{" + " / ".join(f"comparison/ticks|{row}|{place}median" for row in (above, below)) + "|2}"
+    )
 
 
 def solve(how: str, digits: int) -> str:
@@ -52,48 +59,68 @@ SENTENCES = {
         f"with 30 ms of delay it slides {{{DELAYED}|{LAW}|30 ms, mm}} mm per step",
     ],
     "docs/governors.md": [
-        f"It falls in {{wide/variants|{BEST}|fell}} of the [wide campaign](results.md#wide-campaign)'s 210 walks.",
+        f"It falls in {{wide/variants|{BEST}|fell}} of the [wide "
+        f"campaign](results.md#wide-campaign)'s 210 walks.",
         f"feet slip {{variants/variants|{PID}|median slip|2}} mm per step at the median, against "
         f"{{wide/variants|{BEST}|median slip|2}}.",
     ],
     "docs/limitations.md": [
-        "they fall where an ungoverned walk stands: in {limits/limits|condensed WBC|joint friction: fell} walks."
+        "they fall where an ungoverned walk stands: in {limits/limits|condensed WBC|joint "
+        "friction: fell} walks."
     ],
     "docs/friction.md": [
-        f"at most {{{ICE}|filter governor, exact, estimate on|worst on ice, mm|2}} mm per step with exact "
+        f"at most {{{ICE}|filter governor, exact, estimate on|worst on ice, mm|2}} mm per step "
+        f"with exact "
         "measurements.",
-        "slip is at most {limits/limits|condensed WBC, joint friction estimated|joint friction: worst slip, mm} mm "
+        "slip is at most {limits/limits|condensed WBC, joint friction estimated|joint friction: "
+        "worst slip, mm} mm "
         "per step.",
-        f"{{{WRONG}|{LAW}|+50%}} mm at +50 % on a ground of 0.15, and {{{WRONG}|{LAW}|+150%}} mm at +150 %. "
+        f"{{{WRONG}|{LAW}|+50%}} mm at +50 % on a ground of 0.15, and {{{WRONG}|{LAW}|+150%}} mm "
+        f"at +150 %. "
         f"With the estimate the latter is {{{WRONG}|{LAW}, friction estimated|+150%}} mm.",
-        f"with the estimate {{{WRONG}|contact-force filter, friction estimated|+30%}} mm on a ground of 0.15.",
-        f"the estimate costs it: {{{WRONG}|contact-force filter, friction estimated|right}} mm instead of "
+        f"with the estimate {{{WRONG}|contact-force filter, friction estimated|+30%}} mm on a "
+        f"ground of 0.15.",
+        f"the estimate costs it: {{{WRONG}|contact-force filter, friction estimated|right}} mm "
+        f"instead of "
         f"{{{WRONG}|contact-force filter|right}}.",
     ],
     "docs/condensed.md": [
         f"the same optimum in {OF_QP} of the time, inside C in {OF_QP_C}",
-        "Ungoverned walks stand there, too; they slip up to {limits/limits|no governor|limits: worst slip, mm} mm per "
+        "Ungoverned walks stand there, too; they slip up to {limits/limits|no governor|limits: "
+        "worst slip, mm} mm per "
         "step, the condensed WBC {limits/limits|condensed WBC|limits: worst slip, mm|2}.",
     ],
-    "docs/embedded.md": [f"WBC's median tick takes {{embedded/embedded|Harpy, {LAW}|ms at 168 MHz}} to"],
+    "docs/embedded.md": [
+        f"WBC's median tick takes {{embedded/embedded|Harpy, {LAW}|ms at 168 MHz}} to"
+    ],
     "docs/steering.md": [
         "with 10 N·s {steering/steering_pushes|10 N·s, condensed|fell} walks fall, with 12 N·s "
         "{steering/steering_pushes|12 N·s, condensed|fell}."
     ],
     "docs/results.md": [
-        f"takes {OF_QP} of the time of the [WBC QP](glossary.md)'s by own search, and {OF_PAPER} times that of the "
+        f"takes {OF_QP} of the time of the [WBC QP](glossary.md)'s by own search, and {OF_PAPER} "
+        f"times that of the "
         f"paper's governed controller; inside C {OF_QP_C} and {OF_PAPER_C}.",
-        f"The solve of the WBC QP alone takes {solve('own search', 1)} times as long as the update of the "
-        f"paper's governor with an active-set warm start, {solve('DAQP from scratch', 2)} times with DAQP from "
+        f"The solve of the WBC QP alone takes {solve('own search', 1)} times as long as the update "
+        f"of the "
+        f"paper's governor with an active-set warm start, {solve('DAQP from scratch', 2)} times "
+        f"with DAQP from "
         f"scratch, and {solve('ProxQP, warm', 2)} times with warm ProxQP;",
-        "the gentle walk creeps {contacts/contacts_0.25_brief|MuJoCo default|gentle|1} mm instead of "
+        "the gentle walk creeps {contacts/contacts_0.25_brief|MuJoCo default|gentle|1} mm instead "
+        "of "
         "{contacts/contacts_0.25_brief|MuJoCo default|condensed WBC|2} on the default contact.",
     ],
 }
-"""Sentences by their page; ``{table|row|column}`` is a figure, with ``/`` a ratio, with a digit rounded."""
+"""Sentences by their page; ``{table|row|column}`` is a figure, with ``/`` a ratio, with a digit
+rounded.
+"""
 
 ZERO = [
-    *(("wide/variants", f"{who}{end}", "fell") for who in (LAW, QP) for end in ("", ", no friction estimate")),
+    *(
+        ("wide/variants", f"{who}{end}", "fell")
+        for who in (LAW, QP)
+        for end in ("", ", no friction estimate")
+    ),
     ("variants/variants", PID, "fell of 210"),
     ("damped/variants", FOUND, "fell"),
     ("harsh/variants", PID, "fell"),
@@ -106,7 +133,11 @@ ZERO = [
     ),
     *(("limits/limits", row, "limits: fell") for row in ("no governor", LAW, QP)),
     ("limits/limits", "condensed WBC, joint friction estimated", "joint friction: fell"),
-    *((ICE, f"{who}, {what}, estimate on", "fell") for who in (LAW,) for what in ("exact", "noise, 2 ms")),
+    *(
+        (ICE, f"{who}, {what}, estimate on", "fell")
+        for who in (LAW,)
+        for what in ("exact", "noise, 2 ms")
+    ),
     (ICE, "paper governor, exact, estimate off", "fell"),
     *(
         ("steering/steering_commands", f"{what}, compliant, {who}", "fell")
@@ -120,12 +151,17 @@ RATIOS = [
     ("docs/results.md", "slip 2.4 times as far", f"{HARSH}, no friction estimate", HARSH, 2.4),
     ("docs/limitations.md", "slide 29 times as far", f"{DAMPED}|{PID}", f"{DAMPED}|{LAW}", 29.0),
 ]
-"""What words say of two median slips: the page, the words, the rows, and their ratio within a tenth."""
+"""What words say of two median slips: the page, the words, the rows, and their ratio within a
+tenth.
+"""
 
 FELL = [
     *((DELAYED, f"PID, {who}", "2 ms, mm") for who in ("none", "paper", "filter")),
     (ICE, "paper governor, exact, estimate on", "fell"),
-    *(("grounds/grounds_0.15_path", "paper's governor", f"{stiffness} kN/m") for stiffness in (4, 8, 80)),
+    *(
+        ("grounds/grounds_0.15_path", "paper's governor", f"{stiffness} kN/m")
+        for stiffness in (4, 8, 80)
+    ),
 ]
 STOOD = [
     *((DELAYED, who, "30 ms, mm") for who in (LAW, "QP")),
@@ -150,7 +186,9 @@ def said(place: str) -> str:
     return number_text(value, int(digits[1]))
 
 
-@pytest.mark.parametrize(("page", "sentence"), [(page, text) for page, texts in SENTENCES.items() for text in texts])
+@pytest.mark.parametrize(
+    ("page", "sentence"), [(page, text) for page, texts in SENTENCES.items() for text in texts]
+)
 def test_sentences_say_what_the_tables_show(page: str, sentence: str) -> None:
     filled = re.sub(r"\{([^}]*)\}", lambda match: said(match[1]), sentence)
     text = (ROOT / page).read_text(encoding="utf-8").replace("*", "")
@@ -163,10 +201,14 @@ def test_none_is_none(place: tuple[str, str, str]) -> None:
 
 
 @pytest.mark.parametrize(("page", "words", "above", "below", "ratio"), RATIOS)
-def test_words_say_what_the_tables_show(page: str, words: str, above: str, below: str, ratio: float) -> None:
+def test_words_say_what_the_tables_show(
+    page: str, words: str, above: str, below: str, ratio: float
+) -> None:
     text = (ROOT / page).read_text(encoding="utf-8")
     assert words in re.sub(r"\s+", " ", text)
-    shown = float(figure(*above.split("|"), "median slip")) / float(figure(*below.split("|"), "median slip"))
+    shown = float(figure(*above.split("|"), "median slip")) / float(
+        figure(*below.split("|"), "median slip")
+    )
     assert shown == pytest.approx(ratio, rel=0.1)
 
 

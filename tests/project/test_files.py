@@ -12,7 +12,14 @@ from pathlib import Path
 import pytest
 
 from harpy_pin import InputError, RunFileError
-from harpy_pin.files import Shield, check_outputs, check_writable, replacing, without_interrupts, write_json
+from harpy_pin.files import (
+    Shield,
+    check_outputs,
+    check_writable,
+    replacing,
+    without_interrupts,
+    write_json,
+)
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -23,7 +30,11 @@ def press(number=signal.SIGINT):
 
 def test_links_are_followed(tmp_path):
     (tmp_path / "data").mkdir()
-    target, link, chain = tmp_path / "data" / "a.json", tmp_path / "link.json", tmp_path / "chain.json"
+    target, link, chain = (
+        tmp_path / "data" / "a.json",
+        tmp_path / "link.json",
+        tmp_path / "chain.json",
+    )
     link.symlink_to("data/a.json")
     chain.symlink_to(link)
     for value, path in enumerate((link, chain, link)):  # the first time nothing is there
@@ -84,7 +95,10 @@ def test_devices_are_written_to():
 
 @pytest.mark.skipif(not Path("/dev/stdout").exists(), reason="needs /dev/stdout")
 def test_file_that_is_printed_to_keeps_what_was_printed(tmp_path):
-    code = "from harpy_pin.files import write_json; print('before', flush=True); write_json('/dev/stdout', {'x': 1})"
+    code = (
+        "from harpy_pin.files import write_json; print('before', flush=True); "
+        "write_json('/dev/stdout', {'x': 1})"
+    )
     with (tmp_path / "out.txt").open("wb") as out:
         subprocess.run([sys.executable, "-c", code], cwd=ROOT, stdout=out, check=True)
     assert (tmp_path / "out.txt").read_text().split() == ["before", "{", '"x":', "1", "}"]
@@ -161,7 +175,9 @@ def test_signal_that_waits_can_be_forgotten():
 
 
 def test_own_handlers_stay_in_charge():
-    """A handler that raises nothing goes on being called; SIGTERM that nobody handles is left alone."""
+    """A handler that raises nothing goes on being called; SIGTERM that nobody handles is left
+    alone.
+    """
     seen, before = [], signal.getsignal(signal.SIGINT)
     signal.signal(signal.SIGINT, lambda number, frame: seen.append(number))
     try:

@@ -1,4 +1,6 @@
-"""Folders that are written to: no file of a user's is changed, and what was exported before is replaced whole."""
+"""Folders that are written to: no file of a user's is changed, and what was exported before is
+replaced whole.
+"""
 
 from __future__ import annotations
 
@@ -27,17 +29,27 @@ def content(folder: Path) -> dict[str, object]:
     """What is in a folder, links and pipes as they are."""
     paths = sorted(folder.rglob("*"))
     return {
-        str(p.relative_to(folder)): os.readlink(p) if p.is_symlink() else p.is_file() and p.read_text() for p in paths
+        str(p.relative_to(folder)): os.readlink(p)
+        if p.is_symlink()
+        else p.is_file() and p.read_text()
+        for p in paths
     }
 
 
 def hostile_folder(rng: np.random.Generator, folder: Path, outside: Path) -> None:
-    """A folder with files of a user's, links out of it, pipes and folders of our names, and earlier files of ours."""
+    """A folder with files of a user's, links out of it, pipes and folders of our names, and earlier
+    files of ours.
+    """
     rate = rng.uniform(0.0, 0.5)
     if rng.random() < 0.5:
-        OwnFolder(folder).write({name: f"earlier {rng.integers(2)}" for name in FILES if rng.random() < 0.7})
+        OwnFolder(folder).write(
+            {name: f"earlier {rng.integers(2)}" for name in FILES if rng.random() < 0.7}
+        )
     for name in (*FILES, "main.c", "board/a.o", OwnFolder.LIST):
-        path, kind = folder / name, rng.choice(["file", "file", "link", "nowhere", "pipe", "folder", "folder link"])
+        path, kind = (
+            folder / name,
+            rng.choice(["file", "file", "link", "nowhere", "pipe", "folder", "folder link"]),
+        )
         if rng.random() > rate or not path.parent.resolve().is_relative_to(folder):
             continue
         path.parent.mkdir(exist_ok=True, parents=True)
@@ -52,11 +64,15 @@ def hostile_folder(rng: np.random.Generator, folder: Path, outside: Path) -> Non
             path.mkdir()
             (path / "mine").write_text("mine")
         else:
-            path.symlink_to({"link": outside / "target", "nowhere": outside / "none"}.get(str(kind), outside))
+            path.symlink_to(
+                {"link": outside / "target", "nowhere": outside / "none"}.get(str(kind), outside)
+            )
 
 
 def test_no_file_of_a_users_is_changed(tmp_path, fuzz, monkeypatch):
-    """Of 250 hostile folders; with ``force`` regular files of our names in the folder itself are replaced, no more."""
+    """Of 250 hostile folders; with ``force`` regular files of our names in the folder itself are
+    replaced, no more.
+    """
     monkeypatch.setattr(os, "fsync", lambda handle: None)  # which takes most of the time
     rng, written = np.random.default_rng(0), 0
     outside = tmp_path / "outside"
@@ -90,8 +106,16 @@ def test_no_file_of_a_users_is_changed(tmp_path, fuzz, monkeypatch):
 @pytest.mark.parametrize(
     ("name", "says"),
     [
-        *(("file", "it is no folder"), ("file/child", "Not a directory"), ("/proc/x", "cannot write into '/proc/x'")),
-        *(("nowhere", "it is no folder"), ("n" * 300, "too long"), ("taken", "it is a link, or|not written here")),
+        *(
+            ("file", "it is no folder"),
+            ("file/child", "Not a directory"),
+            ("/proc/x", "cannot write into '/proc/x'"),
+        ),
+        *(
+            ("nowhere", "it is no folder"),
+            ("n" * 300, "too long"),
+            ("taken", "it is a link, or|not written here"),
+        ),
         *(
             ("two\nlines", "printable"),
             ("", "printable"),
@@ -143,18 +167,33 @@ def test_an_export_into_a_project_is_refused(tmp_path, monkeypatch, capsys):
 
 @pytest.mark.needs("cmake")
 def test_printed_commands_work_in_a_folder_with_a_space(tmp_path, monkeypatch, capfd):
-    """Exported twice into the same folder, beside a user's own file; then what is printed is run as it is."""
+    """Exported twice into the same folder, beside a user's own file; then what is printed is run as
+    it is.
+    """
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr("harpy_pin.export.folder.missing_tools", lambda: "none desired")
     for controller in ("wbc", "condensed"):
-        words = ["export", "iris", "--to", "-my 'folder'", "--precision", "double", "--controller", controller]
+        words = [
+            "export",
+            "iris",
+            "--to",
+            "-my 'folder'",
+            "--precision",
+            "double",
+            "--controller",
+            controller,
+        ]
         code, printed, said = harpy(monkeypatch, capfd, *words)
         assert code == 0, said
         (tmp_path / "-my 'folder'" / "main.c").write_text("mine")
-    said = subprocess.run(printed.splitlines()[-1], shell=True, capture_output=True, text=True).stdout
+    said = subprocess.run(
+        printed.splitlines()[-1], shell=True, capture_output=True, text=True
+    ).stdout
     assert "all equal: 200 ticks of iris_condensed, double" in said
     assert (tmp_path / "-my 'folder'" / "main.c").read_text() == "mine"
-    names = subprocess.run(["sha256sum", "-c", OwnFolder.LIST], cwd="-my 'folder'", capture_output=True, text=True)
+    names = subprocess.run(
+        ["sha256sum", "-c", OwnFolder.LIST], cwd="-my 'folder'", capture_output=True, text=True
+    )
     assert names.returncode == 0, names.stderr
     assert "iris_wbc.c: OK" in names.stdout
 
@@ -164,15 +203,23 @@ def test_printed_commands_work_in_a_folder_with_a_space(tmp_path, monkeypatch, c
 def test_compilers_end_with_the_command(name, tmp_path):
     """With the processes that they have started, whichever signal ends it."""
     number, killed = getattr(signal, name), name == "SIGKILL"
-    mark, handler = f"4{os.getpid()}.{number:02d}", "default_int_handler" if number == signal.SIGINT else "SIG_DFL"
-    script = (
-        f"import signal, sys, typer\nif not {killed}: signal.signal({number:d}, signal.{handler})  # ignored before\n"
-        "from harpy_pin.cli.signals import leave_at_signals\n"
-        "from harpy_pin.cli.ending import stopping\nfrom harpy_pin.export import board\nleave_at_signals()\n"
-        f"command = ['sh', '-c', 'sleep {mark} & echo > started; sleep {mark}']\n"
-        "try:\n    stopping(lambda: board._call(command))()\nexcept typer.Exit as end:\n    sys.exit(end.exit_code)\n"
+    mark, handler = (
+        f"4{os.getpid()}.{number:02d}",
+        "default_int_handler" if number == signal.SIGINT else "SIG_DFL",
     )
-    process = subprocess.Popen([sys.executable, "-c", script], cwd=tmp_path, stderr=subprocess.DEVNULL)
+    script = (
+        f"import signal, sys, typer\nif not {killed}: signal.signal({number:d}, signal.{handler})  "
+        f"# ignored before\n"
+        "from harpy_pin.cli.signals import leave_at_signals\n"
+        "from harpy_pin.cli.ending import stopping\nfrom harpy_pin.export import "
+        "board\nleave_at_signals()\n"
+        f"command = ['sh', '-c', 'sleep {mark} & echo > started; sleep {mark}']\n"
+        "try:\n    stopping(lambda: board._call(command))()\nexcept typer.Exit as end:\n    "
+        "sys.exit(end.exit_code)\n"
+    )
+    process = subprocess.Popen(
+        [sys.executable, "-c", script], cwd=tmp_path, stderr=subprocess.DEVNULL
+    )
     while process.poll() is None and not (tmp_path / "started").exists():
         time.sleep(0.02)
     process.send_signal(number)

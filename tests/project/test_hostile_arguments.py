@@ -39,7 +39,9 @@ class Yaw:
 CHANGED = (np.zeros((2, 12)), np.zeros(2)), (np.zeros((1, 12)), np.array([np.inf]))
 
 
-@pytest.mark.parametrize("returned", [None, 5, (1,), ([[1, 2], [3]], [1]), ([["x"]], [1]), *CHANGED], ids=range(7))
+@pytest.mark.parametrize(
+    "returned", [None, 5, (1,), ([[1, 2], [3]], [1]), ([["x"]], [1]), *CHANGED], ids=range(7)
+)
 def test_rows_that_a_task_returns_later(gait, robot, returned):
     controller, task = hp.make_controller("wbc", gait, mu=0.25), Yaw()
     controller.add(task, weight=0.1)
@@ -56,7 +58,9 @@ def test_rows_that_a_task_returns_at_first(gait):
 
 
 @pytest.mark.parametrize(
-    ("which", "says"), [([100], "from 0 to 1"), (1.5, "which"), ("x", "which"), ([True] * 3, "mask of 2")], ids=str
+    ("which", "says"),
+    [([100], "from 0 to 1"), (1.5, "which"), ("x", "which"), ([True] * 3, "mask of 2")],
+    ids=str,
 )
 def test_selections_of_a_batch(robot, which, says):
     with pytest.raises(hp.InputError, match=says):
@@ -68,7 +72,9 @@ def test_selections_of_a_batch(robot, which, says):
 
 
 def test_one_name_is_not_its_letters(robot):
-    with pytest.raises(hp.InputError, match=r"feet must be a tuple of names, got the name 'left_foot' alone"):
+    with pytest.raises(
+        hp.InputError, match=r"feet must be a tuple of names, got the name 'left_foot' alone"
+    ):
         hp.load_robot(robot.urdf, feet="left_foot")
 
 
@@ -86,20 +92,70 @@ def test_values_in_messages_are_short_and_on_one_line():
 
 
 SECONDS = 60
-"""Of the process's CPU time in which a call has to end, and ten times as many by the clock; compiling takes some."""
+"""Of the process's CPU time in which a call has to end, and ten times as many by the clock;
+compiling takes some.
+"""
 MEMORY = 3_000_000_000
 """Bytes beyond those of the process that a call may ask for."""
 HOSTILE = (
-    *(value for value in VALUES if not (isinstance(value, str) and len(value) > 1000)),  # a path is shown as it is
-    *(1 + 2j, b"x", [5], [100], [math.nan] * 3, [[1, 2], [3]], (1, 2), {"a"}, {1: 2}, range(3), "\0", Path("/nowhere")),
-    *(np.zeros(3), np.zeros((2, 2)), np.zeros(97), np.zeros(0), np.zeros((0, 3)), np.array(1.0), np.array(["a"])),
+    *(
+        value for value in VALUES if not (isinstance(value, str) and len(value) > 1000)
+    ),  # a path is shown as it is
+    *(
+        1 + 2j,
+        b"x",
+        [5],
+        [100],
+        [math.nan] * 3,
+        [[1, 2], [3]],
+        (1, 2),
+        {"a"},
+        {1: 2},
+        range(3),
+        "\0",
+        Path("/nowhere"),
+    ),
+    *(
+        np.zeros(3),
+        np.zeros((2, 2)),
+        np.zeros(97),
+        np.zeros(0),
+        np.zeros((0, 3)),
+        np.array(1.0),
+        np.array(["a"]),
+    ),
     *(np.array([1 + 2j]), np.array(np.nan), np.array([1, 2], object), np.array([1, None], object)),
     *(np.zeros(6, np.float32), np.zeros((2, 3), order="F"), np.zeros(12)[::2], np.full(6, 1e300)),
-    *(np.full((2, 3), np.nan), object(), int, Unshowable, Unshowable(), math, lambda: None, lambda a, b, c: None),
+    *(
+        np.full((2, 3), np.nan),
+        object(),
+        int,
+        Unshowable,
+        Unshowable(),
+        math,
+        lambda: None,
+        lambda a, b, c: None,
+    ),
 )
 THOROUGHLY = {
-    *("Scenario", "Ground", "Push", "Disturbances", "simulation.Sensors", "load_robot", "load_harpy", "Simulator"),
-    *("make_gait", "make_controller", "CondensedController", "controllers.GovernedController", "Dynamics", "build"),
+    *(
+        "Scenario",
+        "Ground",
+        "Push",
+        "Disturbances",
+        "simulation.Sensors",
+        "load_robot",
+        "load_harpy",
+        "Simulator",
+    ),
+    *(
+        "make_gait",
+        "make_controller",
+        "CondensedController",
+        "controllers.GovernedController",
+        "Dynamics",
+        "build",
+    ),
     *("WholeBodyController.add", "JointTask", "FrameTask", "Run.load", "measure"),
     *("contrib.shield_batch.ShieldBatch.reset", "gaits.StraightGait", "gaits.StraightGait.update"),
     "gaits.StraightGait.initial_state",
@@ -135,17 +191,25 @@ def bounded():
 
 
 def test_what_most_scripts_call_is_there():
-    named = {label for name, public in public_names().items() for label, _, _ in calls_of(name, public)}
+    named = {
+        label for name, public in public_names().items() for label, _, _ in calls_of(name, public)
+    }
     assert named >= THOROUGHLY
 
 
-@pytest.mark.skipif(not Path("/proc/self/statm").exists(), reason="needs Linux: it bounds the memory of a call")
+@pytest.mark.skipif(
+    not Path("/proc/self/statm").exists(), reason="needs Linux: it bounds the memory of a call"
+)
 @pytest.mark.filterwarnings("ignore")
 @pytest.mark.parametrize("name", public_names())
 def test_every_argument_of_every_public_name(name, fuzz, tmp_path, monkeypatch):
-    """Some hostile values for each argument, all of them for :data:`THOROUGHLY`; and for all with ``--fuzz 25``."""
+    """Some hostile values for each argument, all of them for :data:`THOROUGHLY`; and for all with
+    ``--fuzz 25``.
+    """
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("harpy_pin.export.folder.missing_tools", lambda: "boards are emulated elsewhere")
+    monkeypatch.setattr(
+        "harpy_pin.export.folder.missing_tools", lambda: "boards are emulated elsewhere"
+    )
     rng = np.random.default_rng(sum(name.encode()))
     for label, function, given in calls_of(name, public_names()[name]):
         for argument in given:

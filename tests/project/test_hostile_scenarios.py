@@ -1,4 +1,5 @@
-"""Scenarios as files hold them, with entries replaced, removed and added: a scenario, or one line of ours.
+"""Scenarios as files hold them, with entries replaced, removed and added: a scenario, or one line
+of ours.
 
 ``--fuzz 20`` is 10,000 mappings.
 """
@@ -15,7 +16,9 @@ ICE = hp.Ground(mu_s=0.3, friction_strips=((0.01, 0.1, 0.05),))
 PUSHED = Disturbances(pushes=(hp.Push(0.01, (0.0, 1.0, 0.0)),))
 PARAMETERS = {"estimate_friction": True, "limits": {"faces": 6}, "weights": {"swing": 0.5}}
 HONEST = (
-    Scenario(controller=Condensed(parameters=PARAMETERS), ground=ICE, disturbances=PUSHED).to_dict(),
+    Scenario(
+        controller=Condensed(parameters=PARAMETERS), ground=ICE, disturbances=PUSHED
+    ).to_dict(),
     Scenario(controller=Governed(governor="none")).to_dict(),
     Scenario(controller="wbc", gait=Commanded()).to_dict(),
     Scenario(robot="go2").to_dict(),
@@ -43,8 +46,17 @@ def test_hostile_mappings(fuzz):
         ({"disturbances": {"start_velocity": [10**400] * 6}}, "start_velocity"),
         ({"gait": {"name": "commanded", "velocity": [10**400, 0, 0]}}, "velocity"),
         *(
-            ({"robot": "go2", "gait": {"name": "walking", "velocity": velocity}}, "row of the velocity")
-            for velocity in ([[]], [{}], [[0.0]], [[0.0, 0.1, 0.0, 0.0], 5], [[0.0, 0.1, 0.0, 0.0], {}])
+            (
+                {"robot": "go2", "gait": {"name": "walking", "velocity": velocity}},
+                "row of the velocity",
+            )
+            for velocity in (
+                [[]],
+                [{}],
+                [[0.0]],
+                [[0.0, 0.1, 0.0, 0.0], 5],
+                [[0.0, 0.1, 0.0, 0.0], {}],
+            )
         ),
         ({"robot": "go2", "gait": {"name": "walking", "velocity": {"x": 1}}}, "velocity"),
         ({"plant": "a" * 10_000}, "unknown plant 'aaa"),

@@ -1,4 +1,6 @@
-"""Objects that keep arrays: no attribute can be bound to other memory, and a copy is a whole one of its own."""
+"""Objects that keep arrays: no attribute can be bound to other memory, and a copy is a whole one of
+its own.
+"""
 
 import copy
 import pickle
@@ -16,7 +18,11 @@ import harpy_pin as hp
 from harpy_pin.contrib.batch import BatchTargets, CondensedBatch
 from harpy_pin.contrib.gym.batched_env import BatchedEnv
 
-COPIES = {"copy": copy.copy, "deepcopy": copy.deepcopy, "pickle": lambda made: pickle.loads(pickle.dumps(made))}
+COPIES = {
+    "copy": copy.copy,
+    "deepcopy": copy.deepcopy,
+    "pickle": lambda made: pickle.loads(pickle.dumps(made)),
+}
 
 
 @pytest.mark.parametrize("name", CASES)
@@ -45,7 +51,9 @@ def test_changes_in_place_change_nothing(name):
 
 @pytest.mark.parametrize("name", CASES)
 def test_whole_numbers_of_records_cannot_be_written(name):
-    """Kernels take them for indices and counts: bodies of feet, parents in the tree, active rows."""
+    """Kernels take them for indices and counts: bodies of feet, parents in the tree, active
+    rows.
+    """
     make, use = CASES[name]
     made = make()
     use(made)
@@ -82,7 +90,10 @@ def test_targets_of_a_batch_are_views():
     before = batch.step(*given)[0].copy()
     for name in BatchTargets.__slots__:
         for change in CHANGES.values():
-            with suppress(ValueError, TypeError, AttributeError), warnings.catch_warnings(action="ignore"):
+            with (
+                suppress(ValueError, TypeError, AttributeError),
+                warnings.catch_warnings(action="ignore"),
+            ):
                 change(getattr(batch.targets, name))
     batch.reset()
     np.testing.assert_array_equal(batch.step(*given)[0], before)
@@ -92,7 +103,9 @@ def test_targets_of_a_batch_are_views():
 
 
 @pytest.mark.parametrize(
-    "idle", [np.zeros(3, bool), np.zeros(2), [False, False], np.zeros((2, 1), bool), None], ids=range(5)
+    "idle",
+    [np.zeros(3, bool), np.zeros(2), [False, False], np.zeros((2, 1), bool), None],
+    ids=range(5),
 )
 def test_idle_worlds_are_as_many_truth_values(idle):
     worlds = BatchedEnv(2)
@@ -125,21 +138,34 @@ def test_arrays_of_a_copy_are_its_own_and_views_of_each_other_where_the_original
     use(made)
     copied = COPIES[way](made)
     ours, theirs = (
-        [(f"{type(holder).__name__}.{array}", getattr(holder, array)) for holder, array in public_arrays(each)]
+        [
+            (f"{type(holder).__name__}.{array}", getattr(holder, array))
+            for holder, array in public_arrays(each)
+        ]
         for each in (made, copied)
     )
 
     def shared(these, those):
-        return sorted((a, b) for (a, one), (b, other) in product(these, those) if np.may_share_memory(one, other))
+        return sorted(
+            (a, b)
+            for (a, one), (b, other) in product(these, those)
+            if np.may_share_memory(one, other)
+        )
 
     assert shared(theirs, theirs) == shared(ours, ours)
     assert shared(ours, theirs) == []
 
 
-CONTROLLERS = [name for name in CASES if re.search(r"^(governed|condensed|wbc|estimating)|Controller|Filter$", name)]
+CONTROLLERS = [
+    name
+    for name in CASES
+    if re.search(r"^(governed|condensed|wbc|estimating)|Controller|Filter$", name)
+]
 
 
-@pytest.mark.parametrize("name", [*CONTROLLERS, "Shield", "ShieldBatch", "CondensedBatch", "Sensors"])
+@pytest.mark.parametrize(
+    "name", [*CONTROLLERS, "Shield", "ShieldBatch", "CondensedBatch", "Sensors"]
+)
 def test_what_is_reset_is_new(name):
     make, use = CASES[name]
     made = make()
@@ -154,7 +180,11 @@ def test_samples_from_a_pickle_are_samples(name, monkeypatch):
     """Their arrays have a type that is equal to float64 and another object."""
     make, use = CASES[name]
     expected = use(make())
-    monkeypatch.setattr(hp, "State", lambda *parts: pickle.loads(pickle.dumps(hp.model.State(*parts))))
-    monkeypatch.setattr(hp, "Command", lambda *parts: pickle.loads(pickle.dumps(hp.model.Command(*parts))))
+    monkeypatch.setattr(
+        hp, "State", lambda *parts: pickle.loads(pickle.dumps(hp.model.State(*parts)))
+    )
+    monkeypatch.setattr(
+        hp, "Command", lambda *parts: pickle.loads(pickle.dumps(hp.model.Command(*parts)))
+    )
     for answer, wanted in zip(use(make()), expected, strict=True):
         assert_equal(name, answer, wanted)

@@ -1,4 +1,6 @@
-"""Tests ask for programs in one place, and a run says for want of what it did not run some of them."""
+"""Tests ask for programs in one place, and a run says for want of what it did not run some of
+them.
+"""
 
 from __future__ import annotations
 
@@ -15,14 +17,24 @@ LOOKING = re.compile(r"\bshutil\.which\(|\bfind_chromium\(|\bimport which\b")
 
 def run(*options: str, path: Path) -> subprocess.CompletedProcess[str]:
     """The tests of exported folders, where no program is found."""
-    command = [sys.executable, "-m", "pytest", "-k", "printed_commands", "tests/project/test_folders.py", *options]
+    command = [
+        sys.executable,
+        "-m",
+        "pytest",
+        "-k",
+        "printed_commands",
+        "tests/project/test_folders.py",
+        *options,
+    ]
     known = {**os.environ, "PATH": str(path)}
     return subprocess.run(command, cwd=ROOT, env=known, capture_output=True, text=True, check=False)
 
 
 def test_programs_are_looked_for_in_one_place() -> None:
     texts = {path: path.read_text(encoding="utf-8") for path in (ROOT / "tests").rglob("*.py")}
-    found = {path.relative_to(ROOT).as_posix() for path, text in texts.items() if LOOKING.search(text)}
+    found = {
+        path.relative_to(ROOT).as_posix() for path, text in texts.items() if LOOKING.search(text)
+    }
     assert found == {"tests/support/needs.py"}
 
 

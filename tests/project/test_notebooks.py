@@ -1,4 +1,6 @@
-"""The notebooks are stored without output, run in a Jupyter kernel in an empty folder, and keep their promises."""
+"""The notebooks are stored without output, run in a Jupyter kernel in an empty folder, and keep
+their promises.
+"""
 
 from __future__ import annotations
 
@@ -35,7 +37,11 @@ def test_nothing_but_cells_is_stored(name: str) -> None:
     book = json.loads((TUTORIALS / f"{name}.ipynb").read_text())
     nbformat.validate(book)
     kernel = {"display_name": "Python 3", "language": "python", "name": "python3"}
-    assert (book["nbformat"], book["nbformat_minor"], book["metadata"]) == (4, 5, {"kernelspec": kernel})
+    assert (book["nbformat"], book["nbformat_minor"], book["metadata"]) == (
+        4,
+        5,
+        {"kernelspec": kernel},
+    )
     ids = [cell["id"] for cell in book["cells"]]
     assert len(set(ids)) == len(ids)
     for cell in book["cells"]:
@@ -50,9 +56,13 @@ def test_it_runs(name: str, tmp_path: Path) -> None:
     nbclient, nbformat = pytest.importorskip("nbclient"), pytest.importorskip("nbformat")
     book = nbformat.read(TUTORIALS / f"{name}.ipynb", as_version=4)
     book.cells.append(nbformat.v4.new_code_cell(f"import pytest\n{HOLDS[name]}"))
-    nbclient.NotebookClient(book, timeout=600, resources={"metadata": {"path": str(tmp_path)}}).execute()
+    nbclient.NotebookClient(
+        book, timeout=600, resources={"metadata": {"path": str(tmp_path)}}
+    ).execute()
     outputs = [output for cell in book.cells if cell.cell_type == "code" for output in cell.outputs]
-    assert any("<iframe srcdoc" in output.get("data", {}).get("text/html", "") for output in outputs)
+    assert any(
+        "<iframe srcdoc" in output.get("data", {}).get("text/html", "") for output in outputs
+    )
     assert not [output.text for output in outputs if "Warning" in output.get("text", "")]
 
 

@@ -12,10 +12,19 @@ from harpy_pin.governors import ForceRows, StackedRows
 
 OWN = {
     "speed": lambda x, w: (0.2 - w[3], (0, 0, 0, -1, 0, 0)),
-    "speed and a little lag": lambda x, w: (0.2 - w[3] - 0.1 * (w[0] - x[0]), (-0.1, 0, 0, -1, 0, 0)),
+    "speed and a little lag": lambda x, w: (
+        0.2 - w[3] - 0.1 * (w[0] - x[0]),
+        (-0.1, 0, 0, -1, 0, 0),
+    ),
     "height": lambda x, w: (w[2] - 0.65, (0, 0, 1, 0, 0, 0)),
-    "height and a little lag": lambda x, w: (w[2] - 0.65 + 0.02 * (w[0] - x[0]), (0.02, 0, 1, 0, 0, 0)),
-    "height that falls with the way": lambda x, w: (0.55 - w[2] - 0.02 * w[0], (-0.02, 0, -1, 0, 0, 0)),
+    "height and a little lag": lambda x, w: (
+        w[2] - 0.65 + 0.02 * (w[0] - x[0]),
+        (0.02, 0, 1, 0, 0, 0),
+    ),
+    "height that falls with the way": lambda x, w: (
+        0.55 - w[2] - 0.02 * w[0],
+        (-0.02, 0, -1, 0, 0, 0),
+    ),
     "no gradient": lambda x, w: (-1.0, (0, 0, 0, 0, 0, 0)),
     "gradient that vanishes": lambda x, w: (-0.01 - w[1] ** 2, (0, -2 * w[1], 0, 0, 0, 0)),
     "out of reach behind": lambda x, w: (-1.0 - 1e-3 * w[0], (-1e-3, 0, 0, 0, 0, 0)),
@@ -26,7 +35,9 @@ OWN = {
 
 @pytest.mark.parametrize("name", OWN)
 def test_own_row_violated_from_the_start_does_not_freeze_the_walk(name, robot, gait, simulator):
-    """It is repaired where a small change does it; in all other directions x_w goes on with the target."""
+    """It is repaired where a small change does it; in all other directions x_w goes on with the
+    target.
+    """
     row = Row(OWN[name])
     governor = hp.ExplicitReferenceGovernor(StackedRows([ForceRows(mass=robot.mass, mu=0.8), row]))
     run = simulator.run(hp.controllers.GovernedController(gait, governor), 2.0)
@@ -50,7 +61,9 @@ def test_own_row_is_repaired_by_the_shortest_way(robot, conditions):
     """To just inside, along its gradient; without rates of the rest, nothing else moves."""
     a = np.array([0.0, 3.0, 0.0, -1.0, 0.0, 2.0])
     governor = hp.ExplicitReferenceGovernor(
-        StackedRows([ForceRows(mass=robot.mass, mu=0.8), Row(lambda x, w: (a @ (w - X_R) - 0.2, a))]),
+        StackedRows(
+            [ForceRows(mass=robot.mass, mu=0.8), Row(lambda x, w: (a @ (w - X_R) - 0.2, a))]
+        ),
         alpha_r=0.0,
         alpha_t=0.0,
         conditions=conditions,
@@ -64,7 +77,9 @@ def test_own_row_is_repaired_by_the_shortest_way(robot, conditions):
 
 
 def test_stuck_is_a_matter_of_time(robot):
-    governor = hp.ExplicitReferenceGovernor(StackedRows([ForceRows(mass=robot.mass, mu=0.8), Row(OWN["no gradient"])]))
+    governor = hp.ExplicitReferenceGovernor(
+        StackedRows([ForceRows(mass=robot.mass, mu=0.8), Row(OWN["no gradient"])])
+    )
     governor.reset(X_R)
     seen = []
     for _ in range(200):
@@ -79,9 +94,13 @@ def test_stuck_is_a_matter_of_time(robot):
     assert not fine.status.stuck
 
 
-@pytest.mark.parametrize("values", [(np.nan, 0.0), (1.0, (np.nan, 0, 0, 0, 0, 0))], ids=["h", "jacobian"])
+@pytest.mark.parametrize(
+    "values", [(np.nan, 0.0), (1.0, (np.nan, 0, 0, 0, 0, 0))], ids=["h", "jacobian"]
+)
 def test_rows_that_are_no_numbers_are_refused(values, robot):
-    governor = hp.ExplicitReferenceGovernor(StackedRows([ForceRows(mass=robot.mass, mu=0.8), Row(lambda x, w: values)]))
+    governor = hp.ExplicitReferenceGovernor(
+        StackedRows([ForceRows(mass=robot.mass, mu=0.8), Row(lambda x, w: values)])
+    )
     governor.reset(X_R)
     with pytest.raises(hp.InputError, match="forward speed"):
         governor.update(X, X_R, 1e-3)
@@ -89,7 +108,11 @@ def test_rows_that_are_no_numbers_are_refused(values, robot):
 
 
 def test_whole_body_controller_takes_no_governor(gait, robot):
-    for settings in ({"governor": "paper"}, {"governor": "filter"}, {"governor_parameters": {"alpha_n": 1.0}}):
+    for settings in (
+        {"governor": "paper"},
+        {"governor": "filter"},
+        {"governor_parameters": {"alpha_n": 1.0}},
+    ):
         with pytest.raises(hp.InputError, match="no governor"):
             make_controller("wbc", gait, mu=0.3, **settings)
     make_controller("wbc", gait, mu=0.3, governor="none")

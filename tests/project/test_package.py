@@ -48,8 +48,20 @@ def test_every_name_is_there():
 
 
 def test_packages_are_attributes():
-    """``import harpy_pin as hp`` is enough to write ``hp.wbc.make_problem``; each package lists names of its own."""
-    names = ["controllers", "gaits", "governors", "ground", "log", "model", "simulation", "view", "wbc"]
+    """``import harpy_pin as hp`` is enough to write ``hp.wbc.make_problem``; each package lists
+    names of its own.
+    """
+    names = [
+        "controllers",
+        "gaits",
+        "governors",
+        "ground",
+        "log",
+        "model",
+        "simulation",
+        "view",
+        "wbc",
+    ]
     script = f"""
 import harpy_pin as hp
 for package in {names}:
@@ -63,7 +75,9 @@ def test_import_is_light():
     """Importing the package loads none of the heavy libraries, and so compiles nothing."""
     heavy = ("pinocchio", "scipy", "matplotlib", "mujoco")
     script = f"import sys, harpy_pin; print([m for m in {heavy} if m in sys.modules])"
-    loaded = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    loaded = subprocess.run(
+        [sys.executable, "-c", script], capture_output=True, text=True, check=True
+    )
     assert loaded.stdout.strip() == "[]"
 
 
@@ -76,7 +90,11 @@ def test_nothing_imports_upward():
         for node in ast.walk(ast.parse(path.read_text())):
             names = []
             if isinstance(node, ast.ImportFrom) and node.module:
-                names = [node.module] if node.module != "harpy_pin" else [f"harpy_pin.{a.name}" for a in node.names]
+                names = (
+                    [node.module]
+                    if node.module != "harpy_pin"
+                    else [f"harpy_pin.{a.name}" for a in node.names]
+                )
             elif isinstance(node, ast.Import):
                 names = [a.name for a in node.names]
             for name in names:
@@ -87,7 +105,9 @@ def test_nothing_imports_upward():
 
 
 def test_ci_runs_the_readmes_commands():
-    """The README's two commands are where .ci/run looks for them, and the tests come before anything is installed."""
+    """The README's two commands are where .ci/run looks for them, and the tests come before
+    anything is installed.
+    """
     readme = (ROOT / "README.md").read_text()
     blocks = dict(re.findall(r"<!-- (\w+) -->\n```bash\n(.*?)\n```", readme, re.S))
     assert "python -m comparison" in blocks["comparison"]
@@ -98,7 +118,9 @@ def test_ci_runs_the_readmes_commands():
 
 
 def test_ten_files_are_the_whole_way_of_a_state():
-    """docs/architecture.md names ten files to read, in at most 2,500 lines; every module it names exists."""
+    """docs/architecture.md names ten files to read, in at most 2,500 lines; every module it names
+    exists.
+    """
     text = (ROOT / "docs" / "architecture.md").read_text()
     section = text[text.index("## Ten files to read") : text.index("## The packages")]
     files = re.findall(r"^\d+\. `([^`]+)`", section, re.M)
@@ -120,7 +142,9 @@ def called_by(kernel):
 
 
 def test_the_condensed_tick_is_short():
-    """Its kernels, from the measured state to torques, stand in at most 14 files of four folders and 2,800 lines."""
+    """Its kernels, from the measured state to torques, stand in at most 14 files of four folders
+    and 2,800 lines.
+    """
     modules = called_by(condensed_step)
     assert {module.split(".")[1] for module in modules} == {"controllers", "wbc", "model", "ground"}
     files = [ROOT / (module.replace(".", "/") + ".py") for module in modules]
@@ -130,7 +154,11 @@ def test_the_condensed_tick_is_short():
 
 def test_the_condensed_optimum_is_closed_in_itself():
     """The kernels of a solve call none outside ``wbc/condensed``, but for Cholesky factors."""
-    others = {module for module in called_by(solve_condensed) if not module.startswith("harpy_pin.wbc.condensed.")}
+    others = {
+        module
+        for module in called_by(solve_condensed)
+        if not module.startswith("harpy_pin.wbc.condensed.")
+    }
     assert others == {"harpy_pin.model.cholesky"}
 
 
@@ -139,7 +167,11 @@ def test_nothing_under_model_reads_weights():
     for path in (PACKAGE / "model").rglob("*.py"):
         for node in ast.walk(ast.parse(path.read_text())):
             names = [getattr(node, part, None) for part in ("id", "attr", "arg", "name", "value")]
-            found = [n for n in names if isinstance(n, str) and re.fullmatch(r"w_\w+|weights?|\w+Weights\w*", n)]
+            found = [
+                n
+                for n in names
+                if isinstance(n, str) and re.fullmatch(r"w_\w+|weights?|\w+Weights\w*", n)
+            ]
             assert not found, f"{path.name}: {found}"
 
 
@@ -151,7 +183,9 @@ LINES_OF_A_WALK = [
 
 
 def test_walks_need_no_viewer(tmp_path):
-    """Nor do their logs; what shows them names the extra that it needs, before anything is walked."""
+    """Nor do their logs; what shows them names the extra that it needs, before anything is
+    walked.
+    """
     script = f"""
 import sys
 sys.modules.update(dict.fromkeys(("matplotlib", "meshcat", "umsgpack", "PIL", "jinja2")))
@@ -163,7 +197,9 @@ for words in {LINES_OF_A_WALK}:
     except SystemExit as end:
         print("code", end.code or 0)
 """
-    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, cwd=tmp_path)
+    done = subprocess.run(
+        [sys.executable, "-c", script], capture_output=True, text=True, cwd=tmp_path
+    )
     assert done.stderr.count("Traceback") == 0, done.stderr
     walked, table, *shown = re.findall(r"^code (\d)$", done.stdout, re.M)
     assert walked == "0"

@@ -29,18 +29,46 @@ ROBOT = hp.load_harpy()
 PUSH = partial(hp.Push, time=0.0, impulse=(0.0, 1.0, 0.0))
 FORCES = partial(ForceRows, mass=4.0, mu=0.3)
 STRIPS = (
-    *("ice", 5, (0.6, 1.2, 0.15), ((0.6, 1.2),), ((0.6, 1.2, 0.1, 0.1),), ((1.2, 0.6, 0.15),), ((0.6, 0.6, 0.15),)),
-    *(((0.6, 1.2, -0.1),), ((0.6, 1.2, math.nan),), ((math.nan, 1.2, 0.1),), ((0.6, math.inf, 0.1),)),
+    *(
+        "ice",
+        5,
+        (0.6, 1.2, 0.15),
+        ((0.6, 1.2),),
+        ((0.6, 1.2, 0.1, 0.1),),
+        ((1.2, 0.6, 0.15),),
+        ((0.6, 0.6, 0.15),),
+    ),
+    *(
+        ((0.6, 1.2, -0.1),),
+        ((0.6, 1.2, math.nan),),
+        ((math.nan, 1.2, 0.1),),
+        ((0.6, math.inf, 0.1),),
+    ),
     *(((0.6, 1.2, "x"),), ((0.6, 1.2, 0.1), (1.1, 1.5, 0.2)), ((1.5, 2.0, 0.1), (0.5, 1.0, 0.2))),
     tuple((i, i + 0.5, 0.1) for i in range(MAX_STRIPS + 1)),
 )
-SCRIPTS = ("0.3 0 0", [(0.0, 0.3, 0.0)], [(0.0, 0.3, 0.0, math.nan)], [(0.0, 1e9, 0.0, 0.0)], [(-1.0, 0.3, 0.0, 0.0)])
+SCRIPTS = (
+    "0.3 0 0",
+    [(0.0, 0.3, 0.0)],
+    [(0.0, 0.3, 0.0, math.nan)],
+    [(0.0, 1e9, 0.0, 0.0)],
+    [(-1.0, 0.3, 0.0, 0.0)],
+)
 TWICE = [(1.0, 0.3, 0.0, 0.0), (1.0, 0.2, 0.0, 0.0)]
 
 BAD = {
     hp.Ground: {
-        **{"stiffness": (0.0, -1.0), "damping": (-1.0,), "mu_s": (-0.1, math.nan, "slippery"), "mu_c": (-0.1,)},
-        **{"mu_v": (math.inf, -1.0), "stribeck_velocity": (0.0,), "cone": ("square", None, ["circular"])},
+        **{
+            "stiffness": (0.0, -1.0),
+            "damping": (-1.0,),
+            "mu_s": (-0.1, math.nan, "slippery"),
+            "mu_c": (-0.1,),
+        },
+        **{
+            "mu_v": (math.inf, -1.0),
+            "stribeck_velocity": (0.0,),
+            "cone": ("square", None, ["circular"]),
+        },
         **{"slope": (2.0, "steep"), "friction_strips": STRIPS, "stiffness_strips": STRIPS},
     },
     partial(hp.Ground, mu_s=0.2): {"mu_c": (0.3,), "friction_strips": (((0.6, 1.2, 10.1),),)},
@@ -50,23 +78,43 @@ BAD = {
     Ramp: {"length": (0.0,)},
     Rough: {"seed": (-1,)},
     HeightField: {
-        "heights": (((1.0,),), ((0.0, 1.0), (2.0,)), ((0.0, math.inf), (0.0, 0.0)), 10**400, [[10**400, 0], [0, 0]])
+        "heights": (
+            ((1.0,),),
+            ((0.0, 1.0), (2.0,)),
+            ((0.0, math.inf), (0.0, 0.0)),
+            10**400,
+            [[10**400, 0], [0, 0]],
+        )
     },
     partial(hp.model.LegGeometry, hip=(0.0, 0.1, 0.0), offset=0.05, upper=0.3, lower=0.3): {
         **{"upper": (0.0, -0.3, math.nan), "lower": (0.0,)}
     },
     ROBOT.with_joints: dict.fromkeys(
-        ("armature", "damping", "friction"), (-0.1, math.nan, math.inf, [0.1, 0.2], "stiff", [[0.1] * 6])
+        ("armature", "damping", "friction"),
+        (-0.1, math.nan, math.inf, [0.1, 0.2], "stiff", [[0.1] * 6]),
     ),
     partial(hp.Rotor, "a"): {
-        **{"axis": ((0.0, 0.0, 0.0), (0.0, 1.0)), "limit": ((2.0, 1.0), (-math.inf, 1.0), 3.0), "drag": (math.nan,)}
+        **{
+            "axis": ((0.0, 0.0, 0.0), (0.0, 1.0)),
+            "limit": ((2.0, 1.0), (-math.inf, 1.0), 3.0),
+            "drag": (math.nan,),
+        }
     },
-    PUSH: {"time": (-0.1, math.nan), "impulse": ((1.0, 2.0), (1.0, 2.0, math.inf)), "duration": (0.0,)},
+    PUSH: {
+        "time": (-0.1, math.nan),
+        "impulse": ((1.0, 2.0), (1.0, 2.0, math.inf)),
+        "duration": (0.0,),
+    },
     hp.Noise: {"joint_velocity": (-1.0,)},
     hp.Noise.typical: {"scale": (math.nan,)},
     partial(hp.simulation.Sensors, ROBOT): {"delay": (-1, 0.5), "seed": (-1,)},
     hp.Actuators: {
-        **{"bandwidth": (0.0,), "torque_share": (-1.0,), "coulomb_friction": (-0.1,), "viscous_friction": (math.nan,)},
+        **{
+            "bandwidth": (0.0,),
+            "torque_share": (-1.0,),
+            "coulomb_friction": (-0.1,),
+            "viscous_friction": (math.nan,),
+        },
         **{"thrusters": ({"lag": -1.0}, {"lags": 0.1}, 0.1), "stall_share": (0.5,)},
     },
     hp.Thrusters: {
@@ -84,16 +132,39 @@ BAD = {
     SoftContact: {"solref": ((-1.0, 1.0),), "cone": ("disc",), "impratio": (0.0,)},
     hp.Mujoco: {"foot_radius": (-1.0,)},
     hp.Pinocchio: {"stiction_tolerance": (0.0, math.nan, "small")},
-    partial(Propulsion, thrust=1.0, power=1.0): {"thrust": (0.0,), "power": (-1.0,), "efficiency": (1.1,)},
+    partial(Propulsion, thrust=1.0, power=1.0): {
+        "thrust": (0.0,),
+        "power": (-1.0,),
+        "efficiency": (1.1,),
+    },
     partial(Motors, constant=1.0): {"constant": (0.0,), "recovered": (2.0,)},
     Battery: {
-        **{"cells": (0,), "capacity": (0.0,), "resistance": (-1.0,), "charge": (1.1,), "propulsion": (1.0,)},
+        **{
+            "cells": (0,),
+            "capacity": (0.0,),
+            "resistance": (-1.0,),
+            "charge": (1.1,),
+            "propulsion": (1.0,),
+        },
         **{"motors": (3.0,)},
     },
-    FORCES: {"mass": (-1.0,), "mu": (math.nan,), "evaluate_at": ("guessed",), "min_normal_force": (-5.0,)},
+    FORCES: {
+        "mass": (-1.0,),
+        "mu": (math.nan,),
+        "evaluate_at": ("guessed",),
+        "min_normal_force": (-5.0,),
+    },
     AngleRow: {"min_angle": (-0.1,)},
-    partial(hp.ExplicitReferenceGovernor, AngleRow()): {"alpha_r": (-1.0,), "conditions": ("mine",)},
-    ContactForceFilterParameters: {"mu": (-0.1,), "friction_share": (0.0,), "thrust": (0.0,), "lag": (math.nan,)},
+    partial(hp.ExplicitReferenceGovernor, AngleRow()): {
+        "alpha_r": (-1.0,),
+        "conditions": ("mine",),
+    },
+    ContactForceFilterParameters: {
+        "mu": (-0.1,),
+        "friction_share": (0.0,),
+        "thrust": (0.0,),
+        "lag": (math.nan,),
+    },
     partial(ContactForceFilterParameters.robust, mu=0.2): {"friction_error": (1.5,)},
     partial(hp.ContactForceFilter, ROBOT): {"period": (0.0,)},
     partial(MarginGovernor, mass=4.0, mu=0.3, k_p=100.0): {"k_d": (0.0,)},
@@ -101,15 +172,33 @@ BAD = {
     vlip_setting: {"name": ("mine",)},
     vlip_governor: {"name": ("mine",)},
     VlipParameters: {
-        **{"mass": (0.0, math.nan), "mu": (-1.0,), "dt": (0.0,), "duration": (0.0,), "start": ("elsewhere",)},
+        **{
+            "mass": (0.0, math.nan),
+            "mu": (-1.0,),
+            "dt": (0.0,),
+            "duration": (0.0,),
+            "start": ("elsewhere",),
+        },
         **{"coordinates": ("log",)},
     },
     partial(hp.gaits.CommandedGait, ROBOT): {"velocity": (*SCRIPTS, TWICE, 3.0)},
     hp.gaits.GaitParameters: {
-        **{"speed": (math.nan, "fast"), "step_duration": (0.0, -1.0), "double_support": (-0.1, 1.0), "height": (0.0,)},
-        **{"width": (-0.1,), "sway": (math.inf,), "clearance": (-0.01,), "penetration_offset": (-0.01,)},
+        **{
+            "speed": (math.nan, "fast"),
+            "step_duration": (0.0, -1.0),
+            "double_support": (-0.1, 1.0),
+            "height": (0.0,),
+        },
+        **{
+            "width": (-0.1,),
+            "sway": (math.inf,),
+            "clearance": (-0.01,),
+            "penetration_offset": (-0.01,),
+        },
     },
-    PlanarGait: {**{"half_step": (0.0, "far"), "end_height": (math.nan,), "double_support": (0.95,)}},
+    PlanarGait: {
+        **{"half_step": (0.0, "far"), "end_height": (math.nan,), "double_support": (0.95,)}
+    },
     CentreGains: {"k_pt": (-1.0,), "k_dt": ((1.0, 2.0),), "k_pr": (math.nan,), "k_dr": (-0.1,)},
     AttitudeGains: {"k_p": (-1.0,)},
     JointGains: {"k_p": ((1.0, -1.0, 1.0),)},
@@ -117,19 +206,46 @@ BAD = {
     FeedforwardGains: {"swing_p": ((-1.0, 0.0, 0.0),)},
     partial(WholeBodyWeights.for_robot, ROBOT): {"body": (-1.0, 1e7), "thrust": (0.0,)},
     WholeBodyLimits: {
-        **{"mu": (-0.1, 1e300, 10.1), "faces": (2, 4.5, 65), "friction_share": (0.0,), "lateral_thrust": (0.9,)},
+        **{
+            "mu": (-0.1, 1e300, 10.1),
+            "faces": (2, 4.5, 65),
+            "friction_share": (0.0,),
+            "lateral_thrust": (0.9,),
+        },
         **{"torque_scale": (0.0, 1e7)},
     },
     partial(WholeBodyParameters.for_gait, hp.make_gait(ROBOT)): {
-        **{"solver": ("gurobi",), "formulation": ("sparse",), "swing": ((1e7, 1.0),), "contact_damping": (1e7,)},
-        **{"min_normal_force": (1e7,), "max_normal_force": (1e7, 10.0), "contact_threshold": (1e7,)},
+        **{
+            "solver": ("gurobi",),
+            "formulation": ("sparse",),
+            "swing": ((1e7, 1.0),),
+            "contact_damping": (1e7,),
+        },
+        **{
+            "min_normal_force": (1e7,),
+            "max_normal_force": (1e7, 10.0),
+            "contact_threshold": (1e7,),
+        },
         **{"hold_ticks": (10_000,), "body": ((1.0, -2.0),), "thrust_lag": (-0.1, math.nan, 1e9)},
-        **dict.fromkeys(("joint_stiffness", "joint_damping", "joint_leak"), (math.nan, math.inf, -1.0, "stiff", 1e9)),
+        **dict.fromkeys(
+            ("joint_stiffness", "joint_damping", "joint_leak"),
+            (math.nan, math.inf, -1.0, "stiff", 1e9),
+        ),
     },
 }
 """By class and argument, values that each of them refuses."""
-WORDS = {"friction_strips": "strip", "stiffness_strips": "strip", "limit": "limit|thrust_of_rotor", "scale": "noise"}
-WORDS |= {"min_normal_force": "normal_force", "name": "governor", "legs": "leg_control_law", "heights": "height"}
+WORDS = {
+    "friction_strips": "strip",
+    "stiffness_strips": "strip",
+    "limit": "limit|thrust_of_rotor",
+    "scale": "noise",
+}
+WORDS |= {
+    "min_normal_force": "normal_force",
+    "name": "governor",
+    "legs": "leg_control_law",
+    "heights": "height",
+}
 WORDS |= dict.fromkeys(("upper", "lower"), "link")
 """What a message says instead of an argument."""
 
@@ -140,4 +256,6 @@ def test_numbers_out_of_their_domain_are_refused_by_name(kind):
         for value in values:
             with pytest.raises(hp.InputError) as caught:
                 kind(**{name: value})
-            assert re.search(WORDS.get(name, name), str(caught.value).replace(" ", "_")), caught.value
+            assert re.search(WORDS.get(name, name), str(caught.value).replace(" ", "_")), (
+                caught.value
+            )

@@ -1,4 +1,6 @@
-"""Tables of README and docs: each is what its record says, and none has measured figures without a record."""
+"""Tables of README and docs: each is what its record says, and none has measured figures without a
+record.
+"""
 
 from __future__ import annotations
 
@@ -34,7 +36,10 @@ NOT_MEASURED = {
     ("docs/governors.md", "Variants of the paper's governor"): "settings",
     ("docs/gym.md", "Any robot"): "terms of the reward",
     ("docs/kernels.md", "How it becomes C"): "variables of the environment",
-    ("docs/related_work.md", "Whole-body control with a small program"): "other people's, with their source",
+    (
+        "docs/related_work.md",
+        "Whole-body control with a small program",
+    ): "other people's, with their source",
     ("docs/related_work.md", "Governors and filters"): "other people's, with their source",
     ("docs/related_work.md", "The paper's laboratory"): "other people's, with their source",
     ("docs/simulation.md", "MuJoCo"): "settings",
@@ -43,7 +48,9 @@ NOT_MEASURED = {
     ("docs/walking.md", "Beside other walkers"): "other people's, with their source",
     ("docs/whole_body.md", "Weights to begin with"): "settings",
 }
-"""Tables with numbers that no command of ours prints, by page and heading, and what their numbers are."""
+"""Tables with numbers that no command of ours prints, by page and heading, and what their numbers
+are.
+"""
 
 _COMMENTED = re.compile(r"<!-- figures\n.*?\n-->\n(?:\|[^\n]*\n)*", re.DOTALL)
 _PARTS = re.compile(r"^(?:```.*?^```|#+ [^\n]*|(?:\|[^\n]*\n?)+)", re.DOTALL | re.MULTILINE)

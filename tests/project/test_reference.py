@@ -20,7 +20,9 @@ ELSEWHERE = re.compile(r"\bsee :(?:class|func|meth):`", re.I)
 
 
 def public_names() -> Iterator[tuple[str, Any]]:
-    """Every name of the package and of its packages, an object of several names once, under its shortest."""
+    """Every name of the package and of its packages, an object of several names once, under its
+    shortest.
+    """
     seen: set[int] = set()
     packages = []
     for name in hp.__all__:
@@ -49,14 +51,18 @@ def described(docstring: str, *sections: str) -> set[str]:
 
 def parameters(function: Any) -> set[str]:
     """What a caller may give, but for catch-alls that are refused."""
-    return {name for name in inspect.signature(function).parameters if name not in ("self", "cls", "_")}
+    return {
+        name for name in inspect.signature(function).parameters if name not in ("self", "cls", "_")
+    }
 
 
 def functions_of(kind: type) -> Iterator[tuple[str, Any]]:
     """Public methods that a class defines itself."""
     for name, value in vars(kind).items():
         function = getattr(value, "__func__", value)
-        if not name.startswith("_") and (inspect.isfunction(function) or isinstance(value, property)):
+        if not name.startswith("_") and (
+            inspect.isfunction(function) or isinstance(value, property)
+        ):
             yield name, function
 
 
@@ -66,9 +72,17 @@ def test_parameters_are_described(name):
     if inspect.isclass(value):
         docstring = inspect.cleandoc(value.__doc__ or "")
         assert docstring
-        if not (issubclass(value, BaseException | enum.Enum) or getattr(value, "_is_protocol", False)):
-            bases = (inspect.cleandoc(one.__doc__ or "") for one in value.__mro__ if one in PUBLIC.values())
-            assert parameters(value) <= set().union(*(described(text, "Args", "Attributes") for text in bases))
+        if not (
+            issubclass(value, BaseException | enum.Enum) or getattr(value, "_is_protocol", False)
+        ):
+            bases = (
+                inspect.cleandoc(one.__doc__ or "")
+                for one in value.__mro__
+                if one in PUBLIC.values()
+            )
+            assert parameters(value) <= set().union(
+                *(described(text, "Args", "Attributes") for text in bases)
+            )
         for method, function in functions_of(value):
             text = inspect.getdoc(function) or ""
             assert text, method
@@ -90,6 +104,10 @@ def test_the_check_sees_what_is_missing():
 
 def test_every_name_is_in_the_reference():
     pages = (ROOT / "docs" / "reference").glob("*.md")
-    entries = [name for page in pages for name in re.findall(r"^::: harpy_pin\.(\S+)$", page.read_text(), re.M)]
+    entries = [
+        name
+        for page in pages
+        for name in re.findall(r"^::: harpy_pin\.(\S+)$", page.read_text(), re.M)
+    ]
     assert len(entries) == len(set(entries))
     assert set(PUBLIC) <= set(entries)

@@ -22,7 +22,11 @@ EVERYTHING = hp.Scenario(
     controller=hp.Governed(
         governor="filter",
         limits=True,
-        parameters={"estimate_friction": True, "joints": {"k_p": [900.0, 900.0, 900.0]}, "attitude": {"k_d": 25.0}},
+        parameters={
+            "estimate_friction": True,
+            "joints": {"k_p": [900.0, 900.0, 900.0]},
+            "attitude": {"k_d": 25.0},
+        },
         mu=0.5,
     ),
     gait=hp.Straight(speed=0.25),
@@ -35,16 +39,26 @@ EVERYTHING = hp.Scenario(
         actuators=hp.Actuators(bandwidth=100.0, coulomb_friction=0.1, thrusters={"lag": 0.05}),
         seed=7,
     ),
-    ground=hp.Ground(mu_s=0.7, stiffness=9000.0, cone="per_axis", friction_strips=((0.05, 0.4, 0.1),)),
+    ground=hp.Ground(
+        mu_s=0.7, stiffness=9000.0, cone="per_axis", friction_strips=((0.05, 0.4, 0.1),)
+    ),
     duration=0.4,
 )
 """A walk with something of everything."""
-WAVES = HeightField(heights=((0.0, 0.1), (0.0, -0.1), (0.2, 0.0)), resolution=0.2, corner=(-0.3, 0.4))
-PLANTS = (hp.Pinocchio(stiction_tolerance=2e-3), hp.Mujoco("default"), hp.Mujoco("menagerie", foot_radius=0.02))
+WAVES = HeightField(
+    heights=((0.0, 0.1), (0.0, -0.1), (0.2, 0.0)), resolution=0.2, corner=(-0.3, 0.4)
+)
+PLANTS = (
+    hp.Pinocchio(stiction_tolerance=2e-3),
+    hp.Mujoco("default"),
+    hp.Mujoco("menagerie", foot_radius=0.02),
+)
 
 positive = st.floats(1e-3, 1e3)
 small = st.floats(0.0, 2.0)
-terrains = st.sampled_from((None, Plane(slope=0.1, heading=0.7), Ramp(), Stairs(), Rough(seed=3), WAVES))
+terrains = st.sampled_from(
+    (None, Plane(slope=0.1, heading=0.7), Ramp(), Stairs(), Rough(seed=3), WAVES)
+)
 
 
 def noises():
@@ -53,7 +67,12 @@ def noises():
 
 def gaits(*, turning):
     """Gaits of Harpy; those that turn are not for the paper's controller."""
-    rows = st.lists(st.tuples(st.floats(0.0, 90.0), *[small] * 3), min_size=1, max_size=3, unique_by=lambda row: row[0])
+    rows = st.lists(
+        st.tuples(st.floats(0.0, 90.0), *[small] * 3),
+        min_size=1,
+        max_size=3,
+        unique_by=lambda row: row[0],
+    )
     speed, stiffness = st.floats(-1.0, 1.0), st.none() | positive
     straight = st.builds(hp.Straight, speed=speed, stiffness=stiffness)
     velocity = rows.map(sorted) | st.tuples(*[small] * 3)
@@ -61,8 +80,12 @@ def gaits(*, turning):
 
 
 def controllers():
-    settings = st.builds(lambda swing: {"weights": {"swing": swing}, "solver": "daqp"}, small) | st.just({})
-    gains = st.builds(lambda k_d: {"attitude": {"k_p": 1.0}, "joints": {"k_d": [k_d] * 3}}, small) | st.just({})
+    settings = st.builds(
+        lambda swing: {"weights": {"swing": swing}, "solver": "daqp"}, small
+    ) | st.just({})
+    gains = st.builds(
+        lambda k_d: {"attitude": {"k_p": 1.0}, "joints": {"k_d": [k_d] * 3}}, small
+    ) | st.just({})
     mu, switch = st.none() | small, st.booleans()
     governed = st.builds(
         hp.Governed,
@@ -84,11 +107,17 @@ def scenarios(draw):
     period = draw(st.sampled_from((1e-3, 2e-3, 5e-4)))
     mu = draw(small)
     strips = draw(
-        st.sampled_from(({}, {"stiffness_strips": ((0.5, 1.0, 2e3),), "friction_strips": ((0.5, 1.0, 0.2),)}))
+        st.sampled_from(
+            ({}, {"stiffness_strips": ((0.5, 1.0, 2e3),), "friction_strips": ((0.5, 1.0, 0.2),)})
+        )
     )
     disturbances = hp.Disturbances(
         actuators=draw(st.sampled_from((hp.Actuators(), EVERYTHING.disturbances.actuators))),
-        pushes=draw(st.lists(st.builds(hp.Push, small, st.tuples(small, small, small), positive), max_size=3)),
+        pushes=draw(
+            st.lists(
+                st.builds(hp.Push, small, st.tuples(small, small, small), positive), max_size=3
+            )
+        ),
         noise=draw(noises()),
         delay=period * draw(st.integers(0, 9)),
         mass_error=draw(st.floats(-0.9, 2.0)),
@@ -100,12 +129,18 @@ def scenarios(draw):
         controller=controller,
         plant=draw(st.sampled_from(("compliant", "pinocchio", "mujoco", hp.Mujoco("stiff")))),
         ground=hp.Ground(
-            mu_s=mu, mu_c=draw(st.floats(0.0, mu)), stiffness=draw(positive), terrain=draw(terrains), **strips
+            mu_s=mu,
+            mu_c=draw(st.floats(0.0, mu)),
+            stiffness=draw(positive),
+            terrain=draw(terrains),
+            **strips,
         ),
         disturbances=disturbances,
         duration=draw(st.floats(2.5, 100.0)),
         period=period,
-        urdf=draw(st.none() | st.text(st.characters(codec="utf-8", exclude_characters="\0"), min_size=1)),
+        urdf=draw(
+            st.none() | st.text(st.characters(codec="utf-8", exclude_characters="\0"), min_size=1)
+        ),
     )
 
 
@@ -126,7 +161,9 @@ def test_every_part_is_written_down(data):
     """Two scenarios that differ in one attribute have different dictionaries."""
     a, b = data.draw(scenarios()), data.draw(scenarios())
     for name in ("gait", "controller", "plant", "ground", "disturbances", "urdf"):
-        one, other = (hp.Scenario(duration=100.0, period=5e-4, **{name: getattr(s, name)}) for s in (a, b))
+        one, other = (
+            hp.Scenario(duration=100.0, period=5e-4, **{name: getattr(s, name)}) for s in (a, b)
+        )
         assert (one.to_dict() == other.to_dict()) == (one == other)
 
 
@@ -137,7 +174,9 @@ def test_every_part_is_written_down(data):
         hp.Scenario(duration=0.3),
         hp.Scenario(controller=hp.Governed(governor="none"), duration=0.3),
         scenario(
-            controller=hp.WholeBody(parameters={"solver": "active_set"}), duration=0.3, noise=hp.Noise.typical(0.5)
+            controller=hp.WholeBody(parameters={"solver": "active_set"}),
+            duration=0.3,
+            noise=hp.Noise.typical(0.5),
         ),
         *(hp.Scenario(plant=plant, duration=0.05) for plant in PLANTS),
         replace(EVERYTHING, plant=hp.Mujoco("stiff"), ground=hp.Ground(mu_s=0.6)),
@@ -162,10 +201,16 @@ def test_a_walk_is_what_its_parts_make_by_hand(robot, name):
     governor = "paper" if name == "governed" else "none"
     controller = hp.make_controller(name, gait, mu=0.3, governor=governor, **parameters)
     part = {"name": name, "mu": 0.3}
-    part |= {"governor": governor, "limits": True} if name == "governed" else {"parameters": parameters}
+    part |= (
+        {"governor": governor, "limits": True} if name == "governed" else {"parameters": parameters}
+    )
     pushes = [hp.Push(0.05, (0.0, 1.0, 0.0))]
-    by_hand = started(hp.Simulator(robot, hp.Ground(mu_s=0.4)), gait).run(controller, 0.2, pushes=pushes)
-    asked = scenario(controller=part, gait=hp.Straight(speed=0.2), mu_s=0.4, pushes=pushes, duration=0.2)
+    by_hand = started(hp.Simulator(robot, hp.Ground(mu_s=0.4)), gait).run(
+        controller, 0.2, pushes=pushes
+    )
+    asked = scenario(
+        controller=part, gait=hp.Straight(speed=0.2), mu_s=0.4, pushes=pushes, duration=0.2
+    )
     run = hp.walk(asked, metadata={"note": "mine"})
     assert_same(run, by_hand)
     expected = {**by_hand.metadata, "note": "mine", "scenario": asked.to_dict()}
@@ -185,13 +230,18 @@ def test_the_walk_is_made_for_the_ground_or_for_the_one_that_is_assumed():
 def test_damping_ratio_of_the_ground_stays():
     assert hp.Ground().damping == 268.3
     for stiffness in (4e3, 80e3):
-        assert hp.Ground(stiffness=stiffness).damping / np.sqrt(stiffness) == pytest.approx(268.3 / np.sqrt(8e3))
+        assert hp.Ground(stiffness=stiffness).damping / np.sqrt(stiffness) == pytest.approx(
+            268.3 / np.sqrt(8e3)
+        )
     assert hp.Ground(stiffness=4e3, damping=0.0).damping == 0.0
 
 
 def test_a_heavier_body(robot):
     """The mass matrix grows by the body's spatial inertia, times the error, and nowhere else."""
-    q, data = pin.randomConfiguration(robot.model, -np.ones(13), np.ones(13)), robot.model.createData()
+    q, data = (
+        pin.randomConfiguration(robot.model, -np.ones(13), np.ones(13)),
+        robot.model.createData(),
+    )
     changed = heavier(robot, 0.3)
     before = pin.crba(robot.model, data, q).copy()
     after = pin.crba(changed.model, changed.model.createData(), q)
@@ -214,14 +264,23 @@ def test_the_start_is_moved_by_what_was_asked_for():
 
 def test_the_controller_believes_in_its_own_friction():
     for assumed, believed in ((None, 0.4), (0.9, 0.9)):
-        built = hp.build(hp.Scenario(controller=hp.WholeBody(mu=assumed), ground=hp.Ground(mu_s=0.4)))
+        built = hp.build(
+            hp.Scenario(controller=hp.WholeBody(mu=assumed), ground=hp.Ground(mu_s=0.4))
+        )
         assert built.controller.parameters.limits.mu == believed
         assert built.simulator.ground.mu_s == 0.4
 
 
 def test_parameters_reach_the_controller():
-    changes = {"solver": "daqp", "weights": {"swing": 0.5}, "limits": {"faces": 4}, "body": [30.0, 12.0]}
-    wbc = hp.build(scenario(controller=hp.WholeBody(parameters=changes), mu_s=0.6)).controller.parameters
+    changes = {
+        "solver": "daqp",
+        "weights": {"swing": 0.5},
+        "limits": {"faces": 4},
+        "body": [30.0, 12.0],
+    }
+    wbc = hp.build(
+        scenario(controller=hp.WholeBody(parameters=changes), mu_s=0.6)
+    ).controller.parameters
     default = WholeBodyParameters.for_gait(hp.make_gait(hp.load_harpy()))
     weights, limits = replace(default.weights, swing=0.5), replace(default.limits, faces=4, mu=0.6)
     assert wbc == replace(default, solver="daqp", body=(30.0, 12.0), weights=weights, limits=limits)
@@ -256,7 +315,9 @@ def test_parts_of_ones_own(robot, tmp_path):
     run.save(tmp_path / "own.npz")
     with pytest.raises(hp.InputError, match="its own gait and controller"):
         hp.Scenario.of(hp.Run.load(tmp_path / "own.npz"))
-    assert hp.build(short, controller=lambda gait: Still(gait)).controller.gait.parameters.speed == 0.3
+    assert (
+        hp.build(short, controller=lambda gait: Still(gait)).controller.gait.parameters.speed == 0.3
+    )
     with pytest.raises(hp.InputError, match=r"0\.002 s is not the scenario's 0\.001"):
         hp.walk(short, controller=Slow)
     assert len(hp.walk(replace(short, period=2e-3), controller=Slow)) == 10
@@ -272,9 +333,15 @@ def test_a_run_without_a_scenario(robot):
     [
         ({"controller": "lqr"}, "valid names: condensed, governed, wbc"),
         ({"gait": "trot"}, "valid names: commanded, (flying, )?hand, hovering, standing"),
-        ({"gait": {"name": "soar", "import": "a.b"}}, "gait 'soar' is known after 'import a.b', which is missing"),
+        (
+            {"gait": {"name": "soar", "import": "a.b"}},
+            "gait 'soar' is known after 'import a.b', which is missing",
+        ),
         ({"gait": 3}, "gait must be a part .*Straight.* or a name, got 3"),
-        ({"gait": {"name": "hand", "colour": 1}}, "unknown setting of the gait 'hand' 'colour'; valid names: speed"),
+        (
+            {"gait": {"name": "hand", "colour": 1}},
+            "unknown setting of the gait 'hand' 'colour'; valid names: speed",
+        ),
         ({"gait": "trot", "robot": "go2"}, r"Walking\(schedule='trot'\)"),
         ({"controller": "paper"}, r"it is Governed\(governor='paper'\)"),
         ({"robot": "./x.urdf"}, r"hp\.load_robot\(path, feet=\.\.\.\)"),
@@ -282,13 +349,25 @@ def test_a_run_without_a_scenario(robot):
         ({"gait": "commanded", "controller": "governed"}, "cannot turn"),
         ({"gait": {"name": "hand", "speed": "fast"}}, "speed must be a number"),
         ({"plant": "bullet"}, "valid names: compliant, mujoco, pinocchio"),
-        ({"plant": "mujoco", "ground": hp.Ground(cone="per_axis")}, "MuJoCo's friction cone is circular"),
+        (
+            {"plant": "mujoco", "ground": hp.Ground(cone="per_axis")},
+            "MuJoCo's friction cone is circular",
+        ),
         ({"ground": 0.8}, "ground must be a Ground"),
         ({"ground": {"mu": 0.3}}, "unknown entry of the ground 'mu'; valid names: cone"),
         ({"disturbances": 3}, "disturbances must be a Disturbances"),
-        ({"disturbances": {"wind": 3}}, "unknown entry of the disturbances 'wind'; valid names: actuators, delay"),
-        ({"disturbances": hp.Disturbances(pushes=[hp.Push(6.0, (0, 1, 0))])}, "outside the run from 0 to 6 s"),
-        ({"disturbances": hp.Disturbances(delay=1.5e-3)}, "delay 0.0015 s must be a multiple of the period"),
+        (
+            {"disturbances": {"wind": 3}},
+            "unknown entry of the disturbances 'wind'; valid names: actuators, delay",
+        ),
+        (
+            {"disturbances": hp.Disturbances(pushes=[hp.Push(6.0, (0, 1, 0))])},
+            "outside the run from 0 to 6 s",
+        ),
+        (
+            {"disturbances": hp.Disturbances(delay=1.5e-3)},
+            "delay 0.0015 s must be a multiple of the period",
+        ),
         ({"disturbances": hp.Disturbances(delay=1e300)}, "multiple of the period"),
         ({"dt": 1e-300}, "dt must be finite and ≥ 1e-06"),
         ({"period": 1e-300}, "more than 10000000 periods"),
@@ -298,9 +377,18 @@ def test_a_run_without_a_scenario(robot):
         ({"robot": "r2d2"}, "valid names: .*harpy"),
         ({"robot": "go2", "controller": "governed"}, "takes 'condensed' or 'wbc'"),
         ({"robot": "go2", "gait": "hand"}, "standing, walking"),
-        ({"robot": "go2", "gait": {"name": "walking", "schedule": "amble"}}, "valid names: bound, crawl"),
-        ({"robot": "go2", "gait": {"name": "walking", "velocity": "fast"}}, "velocity must look like"),
-        ({"robot": "go2", "gait": {"name": "walking", "velocity": (0.1,)}}, "velocity must have shape"),
+        (
+            {"robot": "go2", "gait": {"name": "walking", "schedule": "amble"}},
+            "valid names: bound, crawl",
+        ),
+        (
+            {"robot": "go2", "gait": {"name": "walking", "velocity": "fast"}},
+            "velocity must look like",
+        ),
+        (
+            {"robot": "go2", "gait": {"name": "walking", "velocity": (0.1,)}},
+            "velocity must have shape",
+        ),
         ({"robot": "go2", "urdf": "a.urdf"}, "variant of Harpy"),
     ],
 )
@@ -309,7 +397,9 @@ def test_parts_that_do_not_fit_are_refused(values, says):
         hp.Scenario(**values)
     with pytest.raises(hp.InputError, match="scenario must be a mapping"):
         hp.Scenario.from_dict("scenario")
-    with pytest.raises(hp.InputError, match="unknown entry of the scenario 'colour'; valid names: controller"):
+    with pytest.raises(
+        hp.InputError, match="unknown entry of the scenario 'colour'; valid names: controller"
+    ):
         hp.Scenario.from_dict({**EVERYTHING.to_dict(), "colour": "red"})
 
 
@@ -327,27 +417,55 @@ def test_parts_that_do_not_fit_are_refused(values, says):
         (hp.Governed, {"parameters": {"joints": {"k_p": np.nan}}}, "parameters must be numbers"),
         (hp.Governed, {"parameters": {"attitude": {"k_p": -1}}}, "attitude k_p"),
         (hp.Governed, {"parameters": {"period": 1e-3}}, "'period' has an argument of its own"),
-        (hp.Governed, {"parameters": {"reference_velocity": "no"}}, "reference_velocity must be true or false"),
+        (
+            hp.Governed,
+            {"parameters": {"reference_velocity": "no"}},
+            "reference_velocity must be true or false",
+        ),
         (hp.Governed, {"governor_parameters": {"alpha": 1.0}}, "parameter 'alpha'"),
         (hp.Governed, {"governor_parameters": {"alpha_n": -1.0}}, "alpha_n"),
         (hp.Governed, {"governor_parameters": {"friction_share": 1.1}}, "friction_share"),
         (hp.Governed, {"governor_parameters": {"conditions": "both"}}, "conditions"),
         (hp.Governed, {"governor_parameters": [1]}, "mapping"),
-        (hp.Governed, {"governor_parameters": {"alpha_n": object()}}, "governor_parameters must be"),
-        (hp.Governed, {"governor": "none", "governor_parameters": {"alpha_n": 1.0}}, "'none' has no parameters"),
-        (hp.Governed, {"governor": "filter", "governor_parameters": {"mu": 1.0}}, "'mu' has an argument of its own"),
-        (hp.WholeBody, {"parameters": {"limits": {"mu": 1}}}, "'limits.mu' has an argument of its own"),
+        (
+            hp.Governed,
+            {"governor_parameters": {"alpha_n": object()}},
+            "governor_parameters must be",
+        ),
+        (
+            hp.Governed,
+            {"governor": "none", "governor_parameters": {"alpha_n": 1.0}},
+            "'none' has no parameters",
+        ),
+        (
+            hp.Governed,
+            {"governor": "filter", "governor_parameters": {"mu": 1.0}},
+            "'mu' has an argument of its own",
+        ),
+        (
+            hp.WholeBody,
+            {"parameters": {"limits": {"mu": 1}}},
+            "'limits.mu' has an argument of its own",
+        ),
         (hp.WholeBody, {"parameters": {"solver": "best"}}, "unknown solver"),
         (hp.Commanded, {"velocity": (0.1, 0.2)}, "velocity must have shape"),
         (hp.Commanded, {"velocity": ()}, "velocity must be"),
         (hp.Commanded, {"velocity": "fast"}, "velocity must look like"),
-        (hp.Mujoco, {"preset": "hard"}, "valid names: default, elliptic, menagerie, overdamped, soft, stiff"),
+        (
+            hp.Mujoco,
+            {"preset": "hard"},
+            "valid names: default, elliptic, menagerie, overdamped, soft, stiff",
+        ),
         (hp.Disturbances, {"noise": "loud"}, "noise must be a Noise"),
         (hp.Disturbances, {"noise": {"foot": 1}}, "unknown entry of the noise 'foot'"),
         (hp.Disturbances, {"start_velocity": (0.1, 0.2)}, "start_velocity must have shape"),
         (hp.Disturbances, {"start_velocity": (np.nan,) * 6}, "start_velocity must be finite"),
         (hp.Disturbances, {"pushes": [(1.0, (0, 1, 0))]}, "push must be a Push"),
-        (hp.Disturbances, {"pushes": [{"time": 1.0, "force": 3}]}, "unknown entry of the push 'force'"),
+        (
+            hp.Disturbances,
+            {"pushes": [{"time": 1.0, "force": 3}]},
+            "unknown entry of the push 'force'",
+        ),
         (hp.Disturbances, {"pushes": [{"time": 1.0}]}, "push: .*impulse"),
         (hp.Disturbances, {"pushes": 3}, "pushes must be a list"),
     ],
@@ -360,7 +478,9 @@ def test_a_part_checks_itself(part, values, says):
 def test_a_part_is_given_as_itself_its_name_or_its_mapping():
     for part, name in ((hp.Straight(), "hand"), (hp.Commanded(), "commanded")):
         assert hp.Scenario(gait=part) == hp.Scenario(gait=name) == hp.Scenario(gait=part.to_dict())
-    assert hp.Scenario() == hp.Scenario(gait="hand", controller="condensed", plant="compliant", ground={})
+    assert hp.Scenario() == hp.Scenario(
+        gait="hand", controller="condensed", plant="compliant", ground={}
+    )
     rows = ((0.0, 0.1, 0.0, 0.2),)
     assert hp.Commanded(velocity=(0.1, 0.0, 0.2)) == hp.Commanded(velocity=rows)
 
@@ -368,9 +488,15 @@ def test_a_part_is_given_as_itself_its_name_or_its_mapping():
 @pytest.mark.parametrize(
     ("settings", "part"),
     [
-        ({"gait": {"velocity": "0.3 0 0.2; 2s 0 0 0"}}, hp.Commanded(velocity=((0, 0.3, 0, 0.2), (2, 0, 0, 0)))),
+        (
+            {"gait": {"velocity": "0.3 0 0.2; 2s 0 0 0"}},
+            hp.Commanded(velocity=((0, 0.3, 0, 0.2), (2, 0, 0, 0))),
+        ),
         ({"controller": {"legs": "feedforward"}}, hp.Governed(parameters={"legs": "feedforward"})),
-        ({"controller": {"weights": {"swing": 1.0}}}, hp.Condensed(parameters={"weights": {"swing": 1.0}})),
+        (
+            {"controller": {"weights": {"swing": 1.0}}},
+            hp.Condensed(parameters={"weights": {"swing": 1.0}}),
+        ),
         ({"plant": {"preset": "stiff"}}, hp.Mujoco("stiff")),
         ({"plant": {"stiction_tolerance": 0.002}}, hp.Pinocchio(stiction_tolerance=0.002)),
     ],
@@ -386,7 +512,9 @@ def test_what_a_dictionary_leaves_out_has_its_default():
 
 
 @needs_robots
-@pytest.mark.parametrize(("robot", "gait"), [("solo12", "walking"), ("bolt", "walking"), ("iris", "hovering")])
+@pytest.mark.parametrize(
+    ("robot", "gait"), [("solo12", "walking"), ("bolt", "walking"), ("iris", "hovering")]
+)
 def test_other_robots_walk_again_from_their_log(robot, gait, tmp_path):
     made = scenario(robot=robot, duration=0.3, mu_s=0.5)
     assert (made.gait.name, made.controller.name) == (gait, "condensed")

@@ -1,4 +1,6 @@
-"""Nothing is ignored in silence: what is assigned has its effect or is refused, and what cannot be is a bad sample."""
+"""Nothing is ignored in silence: what is assigned has its effect or is refused, and what cannot be
+is a bad sample.
+"""
 
 from __future__ import annotations
 
@@ -73,7 +75,16 @@ def test_command_that_a_function_gives_is_read_only(robot):
             commanded.applied = (0.1, 0.0, 0.0)
 
 
-WRONG_COMMANDS = (3.0, None, "abc", "123", (0.1, 0.2), (0.1, 0.2, 0.3, 0.4), [[0.1], [0.2], [0.3]], (0.1, (0.2, 0.3)))
+WRONG_COMMANDS = (
+    3.0,
+    None,
+    "abc",
+    "123",
+    (0.1, 0.2),
+    (0.1, 0.2, 0.3, 0.4),
+    [[0.1], [0.2], [0.3]],
+    (0.1, (0.2, 0.3)),
+)
 
 
 @pytest.mark.parametrize(
@@ -127,7 +138,16 @@ def test_assigned_targets_are_followed(robot, state, name):
 
 @pytest.mark.parametrize("value", [np.nan, np.inf, 1.01 * MAX_SAMPLE, -1e300])
 @pytest.mark.parametrize(
-    "target", ["foot_position", "foot_velocity", "foot_acceleration", "stance", "phase", "load", "world_frame_blend"]
+    "target",
+    [
+        "foot_position",
+        "foot_velocity",
+        "foot_acceleration",
+        "stance",
+        "phase",
+        "load",
+        "world_frame_blend",
+    ],
 )
 @pytest.mark.parametrize("name", ["none", "wbc", "wbc, full", "condensed"])
 def test_targets_of_feet_that_are_absurd_are_a_bad_sample(robot, state, name, target, value):
@@ -212,7 +232,9 @@ def test_gaits_that_look_at_the_state_ignore_bad_samples():
         if not what.startswith("t "):
             gait.observe(bad)
     for name in ("body", "foot_position"):
-        np.testing.assert_array_equal(getattr(gait.update(0.1), name), getattr(clean.update(0.1), name))
+        np.testing.assert_array_equal(
+            getattr(gait.update(0.1), name), getattr(clean.update(0.1), name)
+        )
 
 
 def slide(estimator, ratio, ticks=60):
@@ -272,7 +294,9 @@ def test_range_on_a_row_of_zeros_is_hard(robot, state, formulation):
 
 
 def in_a_child(work, *, after_fork=lambda: None, seconds=600.0):
-    """What a forked child's work returns, a number; fails where it does not end. The parent then goes on, too."""
+    """What a forked child's work returns, a number; fails where it does not end. The parent then
+    goes on, too.
+    """
     reading, writing = os.pipe()
     child = os.fork()
     if child == 0:
@@ -316,7 +340,11 @@ def test_environments_go_on_in_a_forked_child():
 @needs_fork
 def test_batches_go_on_in_a_forked_child(robot, state):
     batch = CondensedBatch(robot, 300, threads=2)
-    states = (np.tile(state.q, (300, 1)), np.tile(state.v, (300, 1)), np.tile(state.foot_force, (300, 1, 1)))
+    states = (
+        np.tile(state.q, (300, 1)),
+        np.tile(state.v, (300, 1)),
+        np.tile(state.foot_force, (300, 1, 1)),
+    )
 
     def work():
         return np.abs(batch.step(*states)[0]).sum()

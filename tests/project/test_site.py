@@ -49,19 +49,28 @@ def test_lines_of_code_fit_a_page_of_1280_pixels(site: Path) -> None:
     for path in site.rglob("*.html"):
         for block in re.finditer(r'<div class="([^"]*)"><pre>(.*?)</pre>', path.read_text(), re.S):
             lines = unescape(re.sub(r"<[^>]*>", "", block[2])).splitlines()
-            assert "language-bash" in block[1] or not [line for line in lines if len(line) > 100], path
+            assert "language-bash" in block[1] or not [line for line in lines if len(line) > 100], (
+                path
+            )
 
 
 def test_nothing_comes_from_the_network(site: Path) -> None:
     for page in site.rglob("*.html"):
         text = page.read_text()
-        assert not re.findall(r"<(?:script|link|img|iframe)[^>]*(?:src|href)=[\"']?https?:", text), page
+        assert not re.findall(
+            r"<(?:script|link|img|iframe)[^>]*(?:src|href)=[\"']?https?:", text
+        ), page
         assert not re.findall(r"@import|url\(https?:", text), page
 
 
 def test_home_is_the_readme_and_its_links_lead_on(site: Path) -> None:
     home = (site / "index.html").read_text()
-    for target in ("condensed.html", "tutorials/index.html", "examples.html#own_controller", "changelog.html"):
+    for target in (
+        "condensed.html",
+        "tutorials/index.html",
+        "examples.html#own_controller",
+        "changelog.html",
+    ):
         assert f'href="{target}"' in home
     for page in set(site.rglob("*.html")) - {site / "404.html"}:  # whose links are a server's
         local = re.findall(r'(?:href|src)="([^":#?]+)[#?"]', page.read_text())

@@ -1,4 +1,5 @@
-"""Code in README, docs and tutorials: every Python block runs, in the order of its page, and prints what is shown.
+"""Code in README, docs and tutorials: every Python block runs, in the order of its page, and prints
+what is shown.
 
 No line of it is wider than a page of the site shows.
 """
@@ -21,7 +22,9 @@ import harpy_pin as hp
 ROOT = Path(__file__).resolve().parents[2]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
 SHOWN = [*PAGES[1:], ROOT / "CONTRIBUTING.md", ROOT / "examples" / "embedded" / "README.md"]
-"""Pages whose code is at most ``WIDTH`` wide; each of README's commands is one line, which the site wraps."""
+"""Pages whose code is at most ``WIDTH`` wide; each of README's commands is one line, which the site
+wraps.
+"""
 WIDTH = 100
 """Columns of code that a page of the site shows at 1,280 pixels."""
 NEEDS = re.compile(r"<!-- needs (.+) -->")
@@ -30,7 +33,9 @@ NUMBER = re.compile(r"[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?")
 
 @dataclass
 class Block:
-    """A fenced block: where it begins, its language, its text, and the package or file of the reader that it needs."""
+    """A fenced block: where it begins, its language, its text, and the package or file of the
+    reader that it needs.
+    """
 
     line: int
     language: str
@@ -48,14 +53,18 @@ def blocks(page: Path) -> list[Block]:
             else:
                 needs = NEEDS.fullmatch(lines[begin - 1]) if begin else None
                 text = "\n".join(lines[begin + 1 : number]) + "\n"
-                found.append(Block(begin + 1, lines[begin][3:].strip(), text, needs[1] if needs else None))
+                found.append(
+                    Block(begin + 1, lines[begin][3:].strip(), text, needs[1] if needs else None)
+                )
                 begin = None
     assert begin is None, f"{page}: a block is not closed"
     return found
 
 
 def wide_lines(text: str) -> list[int]:
-    """Numbers of lines of code over ``WIDTH``: in fences, but those of formulas, or indented by four spaces."""
+    """Numbers of lines of code over ``WIDTH``: in fences, but those of formulas, or indented by
+    four spaces.
+    """
     found, fence = [], ""
     for number, line in enumerate(text.splitlines(), 1):
         if line.startswith("```"):
@@ -96,12 +105,19 @@ def test_page(page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> No
                     continue
             out, text = io.StringIO(), "\n" * block.line + block.text
             lines = text.splitlines(keepends=True)
-            linecache.cache[str(page)] = (len(text), None, lines, str(page))  # from which kernels are translated
+            linecache.cache[str(page)] = (
+                len(text),
+                None,
+                lines,
+                str(page),
+            )  # from which kernels are translated
             with contextlib.redirect_stdout(out):
                 exec(compile(text, str(page), "exec"), names)
             printed = out.getvalue()
         elif block.language == "text" and printed:
-            assert same(printed, block.text), f"{page.name}:{block.line} shows\n{block.text}\nand printed\n{printed}"
+            assert same(printed, block.text), (
+                f"{page.name}:{block.line} shows\n{block.text}\nand printed\n{printed}"
+            )
 
 
 QUOTED = re.compile(r"<!-- from (.+) -->\n```py\n(.*?)```", re.DOTALL)
@@ -113,7 +129,9 @@ def test_quoted_lines_are_those_of_the_source() -> None:
     assert len(quotes) >= 3
     for file, text in quotes:
         lines = [line.strip() for line in (ROOT / file).read_text().splitlines()]
-        assert "\n".join(map(str.strip, text.splitlines())) in "\n".join(lines), f"not in {file}:\n{text}"
+        assert "\n".join(map(str.strip, text.splitlines())) in "\n".join(lines), (
+            f"not in {file}:\n{text}"
+        )
 
 
 def test_what_is_compared() -> None:
@@ -124,7 +142,9 @@ def test_what_is_compared() -> None:
     assert len(WITH_CODE) >= 8
 
 
-@pytest.mark.parametrize("page", sorted((ROOT / "docs" / "tutorials").glob("*.md")), ids=lambda page: page.stem)
+@pytest.mark.parametrize(
+    "page", sorted((ROOT / "docs" / "tutorials").glob("*.md")), ids=lambda page: page.stem
+)
 def test_what_a_tutorial_shows_follows_its_code(page: Path) -> None:
     """A block of output belongs to the Python block before it, so none is left unchecked."""
     languages = [block.language for block in blocks(page)]
@@ -141,5 +161,7 @@ def test_lines_of_code_are_as_wide_as_a_page_shows(page: Path) -> None:
 
 def test_what_is_wide() -> None:
     full, wide = "x" * WIDTH, "x" * (WIDTH + 1)
-    assert wide_lines(f"{wide}\n```text\n{full}\n{wide}\n```\n{wide}\n    {full}\n    {full[4:]}") == [4, 7]
+    assert wide_lines(
+        f"{wide}\n```text\n{full}\n{wide}\n```\n{wide}\n    {full}\n    {full[4:]}"
+    ) == [4, 7]
     assert wide_lines(f"```math\n{wide}\n    {wide}\n```\n```\n{wide}\n```") == [6]

@@ -1,4 +1,6 @@
-"""Scripts of users: they pass ``mypy --strict`` beside the installed package, without its sources, and they run."""
+"""Scripts of users: they pass ``mypy --strict`` beside the installed package, without its sources,
+and they run.
+"""
 
 from __future__ import annotations
 
@@ -16,13 +18,28 @@ EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
 
 
 def check(python: Path, folder: Path, *files: Path) -> subprocess.CompletedProcess[str]:
-    """``mypy --strict`` as a user runs it: in a folder of one's own, without a configuration file."""
+    """``mypy --strict`` as a user runs it: in a folder of one's own, without a configuration
+    file.
+    """
     copies = [folder / file.name for file in files]
     for copy, file in zip(copies, files, strict=True):
         copy.write_text(file.read_text())
-    mypy = [sys.executable, "-m", "mypy", "--strict", "--python-executable", str(python), "--cache-dir", os.devnull]
+    mypy = [
+        sys.executable,
+        "-m",
+        "mypy",
+        "--strict",
+        "--python-executable",
+        str(python),
+        "--cache-dir",
+        os.devnull,
+    ]
     return subprocess.run(
-        [*mypy, *(copy.name for copy in copies)], cwd=folder, capture_output=True, text=True, timeout=600
+        [*mypy, *(copy.name for copy in copies)],
+        cwd=folder,
+        capture_output=True,
+        text=True,
+        timeout=600,
     )
 
 
@@ -30,7 +47,9 @@ def test_strict(installed: Path, tmp_path: Path) -> None:
     """``assert_type`` in the scripts refuses an ``Any`` where a public name should have a type."""
     wrong = tmp_path / "wrong" / "leak.py"
     wrong.parent.mkdir()
-    wrong.write_text("import harpy_pin as hp\n\nhp.walk(3)\nx: str = hp.load_harpy()\nhp.nonsense\n")
+    wrong.write_text(
+        "import harpy_pin as hp\n\nhp.walk(3)\nx: str = hp.load_harpy()\nhp.nonsense\n"
+    )
     done = check(installed, tmp_path, *SCRIPTS, *EXAMPLES, wrong)
     lines = done.stdout.splitlines()
     assert [line.partition(": error: ")[0] for line in lines if ": error: " in line] == [

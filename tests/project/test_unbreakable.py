@@ -1,8 +1,20 @@
-"""Arguments of a wrong shape or kind, wherever data enters: refused by name, and nothing else is touched."""
+"""Arguments of a wrong shape or kind, wherever data enters: refused by name, and nothing else is
+touched.
+"""
 
 import numpy as np
 import pytest
-from guarded_walks import NAMES, REFERENCE, X_R, X, command_of, controller_of, copy, equal, governor_of
+from guarded_walks import (
+    NAMES,
+    REFERENCE,
+    X_R,
+    X,
+    command_of,
+    controller_of,
+    copy,
+    equal,
+    governor_of,
+)
 
 import harpy_pin as hp
 from harpy_pin.governors import ForceRows
@@ -14,19 +26,26 @@ CANARY = 1.2345e67
 
 
 def guarded(array):
-    """A copy in the middle of a larger buffer, and a function that says whether the rest of it is untouched."""
+    """A copy in the middle of a larger buffer, and a function that says whether the rest of it is
+    untouched.
+    """
     array = np.asarray(array, dtype=np.float64)
     buffer = np.full(array.size + 2 * GUARD, CANARY)
     inner = buffer[GUARD : GUARD + array.size].reshape(array.shape)
     inner[...] = array
-    return inner, lambda: (buffer[:GUARD] == CANARY).all() and (buffer[GUARD + array.size :] == CANARY).all()
+    return (
+        inner,
+        lambda: (buffer[:GUARD] == CANARY).all() and (buffer[GUARD + array.size :] == CANARY).all(),
+    )
 
 
 SIZES = ("q", "v", "foot_position", "foot_force", "torque", "thrust")
 
 
 def misshapen(rng, array):
-    """The array in a form that is wrong, or right but unusual; and whether it can be used all the same."""
+    """The array in a form that is wrong, or right but unusual; and whether it can be used all the
+    same.
+    """
     kind = rng.integers(8)
     if kind == 0:
         return array[:-1], False
@@ -124,9 +143,13 @@ def test_rows_fill_only_what_is_theirs(rows, fuzz):
     n = len(rows.names)
     right = ((9,), (6,), (n,), (n, 6))
     for _ in range(60 * fuzz):
-        arrays, checks = zip(*(guarded(np.ones(rng.integers(0, 12, rng.integers(1, 3)))) for _ in right), strict=True)
+        arrays, checks = zip(
+            *(guarded(np.ones(rng.integers(0, 12, rng.integers(1, 3)))) for _ in right), strict=True
+        )
         if tuple(a.shape for a in arrays) != right:
-            with pytest.raises(Exception, match=r"rows need|dimension|types|No implementation|array"):
+            with pytest.raises(
+                Exception, match=r"rows need|dimension|types|No implementation|array"
+            ):
                 rows.evaluate(*arrays)
         assert all(intact() for intact in checks)
     with pytest.raises(hp.InputError, match="rows need"):
@@ -141,7 +164,14 @@ def test_dynamics_check_their_state(robot, draw_state):
     assert dynamics.finite
     dynamics.update(q.tolist(), list(v))
     np.testing.assert_array_equal(dynamics.bias, expected)
-    for bad in ((q[:12], v), (q, v[:11]), (np.tile(q, 2), v), (None, v), ("q", v), (q, np.zeros((2, 12)))):
+    for bad in (
+        (q[:12], v),
+        (q, v[:11]),
+        (np.tile(q, 2), v),
+        (None, v),
+        ("q", v),
+        (q, np.zeros((2, 12))),
+    ):
         with pytest.raises(hp.InputError, match=r"[qv] must"):
             dynamics.update(*bad)
     for i in range(13 + 12):
@@ -156,10 +186,25 @@ def test_dynamics_check_their_state(robot, draw_state):
 def test_simulator_checks_commands(robot, gait, simulator):
     place, before = simulator.q.copy(), simulator.v.copy()
     act = simulator.advance
-    for torque in (np.zeros(0), np.zeros(3), np.zeros(12), np.zeros((6, 1)), np.full(6, np.nan), None, "x"):
+    for torque in (
+        np.zeros(0),
+        np.zeros(3),
+        np.zeros(12),
+        np.zeros((6, 1)),
+        np.full(6, np.nan),
+        None,
+        "x",
+    ):
         with pytest.raises(hp.InputError, match="torque"):
             act(hp.Command(torque, np.zeros((2, 3))))
-    for thrust in (np.zeros(5), np.zeros(6), np.zeros((3, 2)), np.zeros((3, 3)), np.full((2, 3), np.inf), None):
+    for thrust in (
+        np.zeros(5),
+        np.zeros(6),
+        np.zeros((3, 2)),
+        np.zeros((3, 3)),
+        np.full((2, 3), np.inf),
+        None,
+    ):
         with pytest.raises(hp.InputError, match="thrust"):
             act(hp.Command(np.zeros(6), thrust))
     with pytest.raises(hp.InputError, match="command"):

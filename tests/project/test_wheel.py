@@ -14,9 +14,24 @@ from needs import needs_compiler, needs_robots
 
 def test_wheel_walks_in_an_empty_folder(wheel: Path, installed: Path, tmp_path: Path) -> None:
     names = zipfile.ZipFile(wheel).namelist()
-    others = ("urdf/harpy.urdf", "py.typed", "__init__.pyi", "examples/first_walk.py", "tutorials/robot_dog.ipynb")
-    page = ("page.html", "page.css", "player.js", "uPlot.iife.min.js", "uPlot.min.css", "uPlot-LICENSE.txt")
-    assert {f"harpy_pin/{n}" for n in (*others, *(f"view/page/assets/{name}" for name in page))} <= set(names)
+    others = (
+        "urdf/harpy.urdf",
+        "py.typed",
+        "__init__.pyi",
+        "examples/first_walk.py",
+        "tutorials/robot_dog.ipynb",
+    )
+    page = (
+        "page.html",
+        "page.css",
+        "player.js",
+        "uPlot.iife.min.js",
+        "uPlot.min.css",
+        "uPlot-LICENSE.txt",
+    )
+    assert {
+        f"harpy_pin/{n}" for n in (*others, *(f"view/page/assets/{name}" for name in page))
+    } <= set(names)
     foreign, compiled = ("tests", "comparison", "reproduction"), (".nbi", ".nbc", ".pyc")
     assert not [n for n in names if n.startswith(foreign) or n.endswith(compiled)]
 
@@ -29,7 +44,11 @@ def test_wheel_walks_in_an_empty_folder(wheel: Path, installed: Path, tmp_path: 
     assert json.loads((tmp_path / "a.json").read_text())["ending"] == "completed"
     shown = run(harpy, "view", "a.npz", "--html", "a.html")
     assert shown.returncode == 0, shown.stderr
-    told = dict(line.split(": ", 1) for line in run(harpy, "info").stdout.splitlines() if line.startswith(("tu", "ex")))
+    told = dict(
+        line.split(": ", 1)
+        for line in run(harpy, "info").stdout.splitlines()
+        if line.startswith(("tu", "ex"))
+    )
     assert Path(told["examples"]).is_relative_to(environment)
     assert (Path(told["examples"]) / "first_walk.py").is_file()
     assert (Path(told["tutorials"]) / "robot_dog.ipynb").is_file()
@@ -41,7 +60,9 @@ def test_wheel_walks_in_an_empty_folder(wheel: Path, installed: Path, tmp_path: 
 @needs_robots
 @needs_compiler
 def test_kernels_in_the_wheel_walk_without_a_compiler(tmp_path: Path) -> None:
-    """At once, and with the same digits as kernels compiled for this processor; other robots are refused in a line."""
+    """At once, and with the same digits as kernels compiled for this processor; other robots are
+    refused in a line.
+    """
     wheel = wheel_alone.build(tmp_path, ["harpy", "go2"])
     assert "-py3-none-" in wheel.name
     assert not wheel.name.endswith("-any.whl")
@@ -56,7 +77,9 @@ def test_kernels_in_the_wheel_walk_without_a_compiler(tmp_path: Path) -> None:
         parts = wheel_alone.run(python, str(wheel_alone.EVERY_PART), robot)
         assert parts.returncode == 0, parts.stdout + parts.stderr
         assert "bridge: done" in parts.stdout or robot == "harpy"
-    refused = wheel_alone.run(python, "-m", "harpy_pin", "walk", "--robot", "iris", "--duration", "0.1")
+    refused = wheel_alone.run(
+        python, "-m", "harpy_pin", "walk", "--robot", "iris", "--duration", "0.1"
+    )
     assert refused.stderr.count("\n") == 1
     assert "is not in the wheel, and there is no C compiler" in refused.stderr
     (bridge,) = (tmp_path / "environment").rglob("bridge-*.so")

@@ -36,14 +36,22 @@ def test_search_is_seeded(robot, model):
     assert np.random.random() == before  # noqa: NPY002 - nor move it
 
 
-@pytest.mark.parametrize("start", [None, PlanarGait(half_step=0.05)], ids=["everywhere", "around a gait"])
+@pytest.mark.parametrize(
+    "start", [None, PlanarGait(half_step=0.05)], ids=["everywhere", "around a gait"]
+)
 def test_resumed_search_is_the_uninterrupted_one(robot, model, tmp_path, start):
     path = tmp_path / "search.json"
     whole = optimise_gait(robot, task=task(model), seed=2, budget=45, start=start)
     optimise_gait(robot, task=task(model), seed=2, budget=25, start=start, resume=path)
     seen = []
     resumed = optimise_gait(
-        robot, task=task(model), seed=2, budget=45, start=start, resume=path, on_progress=seen.append
+        robot,
+        task=task(model),
+        seed=2,
+        budget=45,
+        start=start,
+        resume=path,
+        on_progress=seen.append,
     )
     assert resumed == whole
     assert [p.evaluations for p in seen] == list(range(26, 46))
@@ -89,7 +97,9 @@ def test_resume_refuses_other_searches_and_damage(robot, model, tmp_path):
 
 
 @pytest.mark.parametrize(
-    "bad", [{"budget": 0}, {"budget": 1.5}, {"budget": "many"}, {"seed": -1}, {"seed": 0.5}], ids=str
+    "bad",
+    [{"budget": 0}, {"budget": 1.5}, {"budget": "many"}, {"seed": -1}, {"seed": 0.5}],
+    ids=str,
 )
 def test_bad_search(robot, model, bad):
     with pytest.raises(InputError, match=next(iter(bad))):
@@ -98,7 +108,13 @@ def test_bad_search(robot, model, bad):
 
 @pytest.mark.parametrize(
     "bad",
-    [{"search": "lucky"}, {"duration": 0.0}, {"friction": (0.0,)}, {"friction": ()}, {"fixed": {"leg": 1.0}}],
+    [
+        {"search": "lucky"},
+        {"duration": 0.0},
+        {"friction": (0.0,)},
+        {"friction": ()},
+        {"fixed": {"leg": 1.0}},
+    ],
     ids=str,
 )
 def test_bad_task(model, bad):

@@ -18,7 +18,9 @@ def reversals(evaluate_at, reference):
     rates = []
     for divide in (1, 2, 4):
         p = VlipParameters(start="inside", coordinates="cartesian", dt=1e-3 / divide)
-        summary = simulate_vlip(vlip_governor(p, evaluate_at=evaluate_at), p, reference=reference).summary()
+        summary = simulate_vlip(
+            vlip_governor(p, evaluate_at=evaluate_at), p, reference=reference
+        ).summary()
         rates.append(summary.reversals_per_s)
     return rates
 
@@ -30,18 +32,33 @@ def test_the_papers_governor_does_chatter():
 
 
 def test_chattering_of_the_papers_governor_depends_on_the_target():
-    """Reversals are a + b/Δt (docs/governors.md). On a sine that would violate rows for most of the time b is
-    zero in both readings; on a target that jumps a is not: they grow, but do not double."""
+    """Reversals are a + b/Δt (docs/governors.md). On a sine that would violate rows for most of the
+    time b is zero in both readings; on a target that jumps a is not: they grow, but do not double.
+    """
 
     def sine(t):
-        return np.array([0.2 + 0.1 * np.sin(2 * np.pi * t), 0.3, 0.45 + 0.1 * np.cos(2 * np.pi * t), 0.0, 0.0, 0.0])
+        return np.array(
+            [
+                0.2 + 0.1 * np.sin(2 * np.pi * t),
+                0.3,
+                0.45 + 0.1 * np.cos(2 * np.pi * t),
+                0.0,
+                0.0,
+                0.0,
+            ]
+        )
 
     rng = np.random.default_rng(3)
-    places = [np.array([rng.uniform(0, 0.8), rng.uniform(-3, 3), rng.uniform(0.3, 0.6), 0, 0, 0]) for _ in range(8)]
+    places = [
+        np.array([rng.uniform(0, 0.8), rng.uniform(-3, 3), rng.uniform(0.3, 0.6), 0, 0, 0])
+        for _ in range(8)
+    ]
 
     p = VlipParameters(start="inside", coordinates="cartesian")
     for evaluate_at in ("measured", "tracked"):
-        acted = simulate_vlip(vlip_governor(p, evaluate_at=evaluate_at), p, reference=sine).summary()
+        acted = simulate_vlip(
+            vlip_governor(p, evaluate_at=evaluate_at), p, reference=sine
+        ).summary()
         assert acted.target_violation_share > 0.5
         assert acted.deviation_rms_m > 0.01
         once, twice, fourfold = reversals(evaluate_at, sine)
@@ -54,8 +71,9 @@ def test_chattering_of_the_papers_governor_depends_on_the_target():
 
 
 def random_reference(seed):
-    """A smooth random target like the paper's: leg angle, heading and length are short Fourier sums; the length keeps
-    where the run begins, inside the cone."""
+    """A smooth random target like the paper's: leg angle, heading and length are short Fourier
+    sums; the length keeps where the run begins, inside the cone.
+    """
     rng = np.random.default_rng(seed)
     rate = np.pi * np.array([0.5, 1.0, 1.5])
     size, phase = rng.normal(0.0, 1.0, (3, 3)), rng.uniform(0.0, 2.0 * np.pi, (3, 3))

@@ -15,7 +15,13 @@ from harpy_pin.gaits.straight import GaitParameters
 from harpy_pin.model.dynamics import Dynamics
 from harpy_pin.model.record import field
 from harpy_pin.simulation.step import step_record
-from reproduction.gait.planar_gait import PACKAGED_GAIT, PAPER_CURVES_GAIT, SPACE_GAIT, PlanarGait, load_gait
+from reproduction.gait.planar_gait import (
+    PACKAGED_GAIT,
+    PAPER_CURVES_GAIT,
+    SPACE_GAIT,
+    PlanarGait,
+    load_gait,
+)
 from reproduction.gait.planar_model import PlanarModel
 from reproduction.gait.planar_walk import (
     PlanarJoints,
@@ -28,14 +34,20 @@ from reproduction.gait.planar_walk import (
 
 
 def in_space(q, v):
-    """Configuration and velocity of the free-flying robot for a planar state, and the map S with v3 = S v, Ṡ v."""
+    """Configuration and velocity of the free-flying robot for a planar state, and the map S with v3
+    = S v, Ṡ v.
+    """
     c, s = np.cos(q[2]), np.sin(q[2])
     q3 = np.zeros(13)
     q3[0], q3[2] = q[0], q[1]
     q3[3:7] = pin.Quaternion(pin.rpy.rpyToMatrix(0, q[2], 0)).coeffs()
     q3[[8, 9, 11, 12]] = q[3:]
     rows = np.zeros((12, 7))
-    rows[0, :2], rows[2, :2], rows[4, 2] = (c, -s), (s, c), 1.0  # body axes: Rᵀ of the world's velocity
+    rows[0, :2], rows[2, :2], rows[4, 2] = (
+        (c, -s),
+        (s, c),
+        1.0,
+    )  # body axes: Rᵀ of the world's velocity
     rows[[7, 8, 10, 11], [3, 4, 5, 6]] = 1.0
     drift = np.zeros(12)
     drift[:3] = -np.cross([0, v[2], 0], (rows @ v)[:3])
@@ -62,26 +74,41 @@ def test_planar_model_is_the_robot_held_in_the_plane(robot, model, seed):
     feet[:, [0, 2]] = force.reshape(2, 2)
     mounts[:, [0, 2]] = 0.5 * thrust
     planar = np.concatenate((np.zeros(3), torque)) - terms["bias"]
-    planar += terms["foot_jacobian"].T @ feet.ravel() + terms["thruster_jacobian"].T @ mounts.sum(axis=0)
+    planar += terms["foot_jacobian"].T @ feet.ravel() + terms["thruster_jacobian"].T @ mounts.sum(
+        axis=0
+    )
     joints = np.zeros(6)
     joints[[1, 2, 4, 5]] = torque
-    full = rows.T @ (generalised_force(space, joints, feet, mounts) - space.bias - space.mass_matrix @ drift)
+    full = rows.T @ (
+        generalised_force(space, joints, feet, mounts) - space.bias - space.mass_matrix @ drift
+    )
     np.testing.assert_allclose(
-        np.linalg.solve(terms["mass_matrix"], planar), np.linalg.solve(mass, full), rtol=1e-9, atol=1e-9
+        np.linalg.solve(terms["mass_matrix"], planar),
+        np.linalg.solve(mass, full),
+        rtol=1e-9,
+        atol=1e-9,
     )
 
 
 def test_planar_step_obeys_newton(model):
-    """M (v⁺ − v) / Δt = S τ + Jᵀ f + J_tᵀ u − n − D v⁺, and it moves by Δt v⁺; its contact is the simulator's."""
+    """M (v⁺ − v) / Δt = S τ + Jᵀ f + J_tᵀ u − n − D v⁺, and it moves by Δt v⁺; its contact is the
+    simulator's.
+    """
     rng, dt, ground = np.random.default_rng(5), 5e-4, hp.Ground(mu_s=0.4)
     q, v = np.array([0, 0.65, 0.1, -0.5, 0.9, -0.3, 0.6]), rng.uniform(-1, 1, 7)
     record, step, touched = model.record.copy(), step_record({"nv": 7, "feet": 2}, dt=dt), 0
     for _ in range(600):
         torque, thrust = rng.uniform(-1, 1, 4) - 5 * v[3:], rng.uniform(-10, 10, 3) * [1, 0, 1]
-        terms, place, before = {name: np.copy(term) for name, term in model.terms(q, v).items()}, q.copy(), v.copy()
+        terms, place, before = (
+            {name: np.copy(term) for name, term in model.terms(q, v).items()},
+            q.copy(),
+            v.copy(),
+        )
         planar_step(q, v, torque, thrust, record, ground.record, step)
         force = field(step, "force")
-        drive = np.concatenate((np.zeros(3), torque)) - terms["bias"] - model.planar.model.damping * v
+        drive = (
+            np.concatenate((np.zeros(3), torque)) - terms["bias"] - model.planar.model.damping * v
+        )
         drive += terms["foot_jacobian"].T @ force + terms["thruster_jacobian"].T @ thrust
         np.testing.assert_allclose(terms["mass_matrix"] @ (v - before) / dt, drive, atol=1e-8)
         np.testing.assert_allclose(q - place, dt * v, atol=1e-15)
@@ -92,8 +119,15 @@ def test_planar_step_obeys_newton(model):
 def test_walk_is_control_and_step_in_turn(model, packaged, ground):
     """The compiled loop logs the same motion."""
     walk = PlanarWalk(model, packaged.gait, ground=ground)
-    (q, v), control = map(np.copy, walk.initial_state()), walk_record(packaged.gait, PlanarJoints(), period=1e-3)
-    record, step, torque = model.record.copy(), step_record({"nv": 7, "feet": 2}, dt=5e-4), field(control, "torque")
+    (q, v), control = (
+        map(np.copy, walk.initial_state()),
+        walk_record(packaged.gait, PlanarJoints(), period=1e-3),
+    )
+    record, step, torque = (
+        model.record.copy(),
+        step_record({"nv": 7, "feet": 2}, dt=5e-4),
+        field(control, "torque"),
+    )
     rows = []
     for tick in range(1200):
         planar_control(1e-3 * tick, q, v, control[0], record[0])
@@ -134,17 +168,29 @@ def test_curves_have_the_ends_and_slopes_that_the_numbers_say():
     g = ENDS
     stance, swing = g.curves
     front, back = (g.offset + g.half_step, -g.end_height), (g.offset - g.half_step, -g.end_height)
-    np.testing.assert_allclose([stance[0], stance[4], swing[0], swing[4]], [front, back, back, front])
-    slopes = [stance[1] - stance[0], stance[4] - stance[3], swing[1] - swing[0], swing[4] - swing[3]]
+    np.testing.assert_allclose(
+        [stance[0], stance[4], swing[0], swing[4]], [front, back, back, front]
+    )
+    slopes = [
+        stance[1] - stance[0],
+        stance[4] - stance[3],
+        swing[1] - swing[0],
+        swing[4] - swing[3],
+    ]
     given = [(g.load_x, g.load_z), (g.push_x, g.push_z), (g.lift_x, g.lift_z), (g.land_x, g.land_z)]
     np.testing.assert_allclose(slopes, given, atol=1e-15)
 
 
 @pytest.mark.parametrize("double", [0.0, 0.4])
 def test_targets_are_bernstein_polynomials(double):
-    """The left foot is in stance from the first moment, the right one swings from the end of the double support."""
+    """The left foot is in stance from the first moment, the right one swings from the end of the
+    double support.
+    """
     gait = dataclasses.replace(ENDS, double_support=double)
-    spans = ([0.0, (1.0 + double) * gait.step_duration], [double * gait.step_duration, gait.step_duration])
+    spans = (
+        [0.0, (1.0 + double) * gait.step_duration],
+        [double * gait.step_duration, gait.step_duration],
+    )
     for k, span in enumerate(spans):
         polynomial = BPoly(gait.curves[k][:, None, :], span)
         for t in np.linspace(span[0] + 0.01, gait.step_duration - 0.01, 7):
@@ -180,19 +226,27 @@ def test_joint_targets_put_the_feet_there(robot, model):
         np.testing.assert_allclose(rate, (ahead - found) / 1e-6, atol=1e-4)
 
 
-@pytest.mark.parametrize("path", [PACKAGED_GAIT, SPACE_GAIT, PAPER_CURVES_GAIT], ids=lambda path: path.stem)
+@pytest.mark.parametrize(
+    "path", [PACKAGED_GAIT, SPACE_GAIT, PAPER_CURVES_GAIT], ids=lambda path: path.stem
+)
 def test_packaged_gaits_walk_as_asked(model, path):
-    """≥ 10 steps at 0.3 ± 0.03 m/s, height 0.6 ± 0.03 m, |pitch| ≤ 0.15 rad at any time, by the clock alone."""
+    """≥ 10 steps at 0.3 ± 0.03 m/s, height 0.6 ± 0.03 m, |pitch| ≤ 0.15 rad at any time, by the
+    clock alone.
+    """
     found = load_gait(path)
     gait = found.gait
-    summary = PlanarWalk(model, gait, ground=hp.Ground(mu_s=found.record["friction"][0])).run(20 * gait.step_duration)
+    summary = PlanarWalk(model, gait, ground=hp.Ground(mu_s=found.record["friction"][0])).run(
+        20 * gait.step_duration
+    )
     assert not summary.fell
     assert summary.steps == pytest.approx(20)
     assert summary.speed == pytest.approx(0.3, abs=0.03)
     assert summary.height_min >= 0.57
     assert summary.height_max <= 0.63
     assert summary.pitch_max <= 0.15
-    assert summary.slip < 2.0 or path == SPACE_GAIT  # that one is made for the ground forces of the walk in space
+    assert (
+        summary.slip < 2.0 or path == SPACE_GAIT
+    )  # that one is made for the ground forces of the walk in space
 
 
 @pytest.mark.parametrize("mu", [0.25, 0.4, 0.8])

@@ -23,7 +23,9 @@ from reproduction.walk_claims import MU, body_velocity, model_force, model_rows,
 
 @given(st.integers(1, 40), st.floats(0.1, 10.0))
 def test_chattering_of_a_triangle_wave(reversals, height):
-    """A wave that reverses ``reversals`` times: known reversals and variation, whatever the sampling."""
+    """A wave that reverses ``reversals`` times: known reversals and variation, whatever the
+    sampling.
+    """
     corners = height * (np.arange(reversals + 2) % 2)
     for per_leg in (3, 7, 20):
         t = np.linspace(0.0, reversals + 1.0, (reversals + 1) * per_leg + 1)
@@ -42,7 +44,9 @@ def test_chattering_ignores_rounding():
 
 @given(st.floats(0.05, 1.4), st.floats(-3.0, 3.0), st.floats(0.1, 2.0))
 def test_polar_of_is_the_inverse_of_cartesian(theta, phi, length):
-    np.testing.assert_allclose(polar_of(cartesian(theta, phi, length)[None])[0], [theta, phi, length], atol=1e-12)
+    np.testing.assert_allclose(
+        polar_of(cartesian(theta, phi, length)[None])[0], [theta, phi, length], atol=1e-12
+    )
 
 
 @pytest.fixture(scope="module")
@@ -53,7 +57,9 @@ def walked():
 def test_body_velocity(walked):
     for i in range(0, len(walked), 97):
         rotation = pin.Quaternion(walked["q"][i, 3:7]).matrix()
-        np.testing.assert_allclose(body_velocity(walked)[i], rotation @ walked["v"][i, :3], atol=1e-12)
+        np.testing.assert_allclose(
+            body_velocity(walked)[i], rotation @ walked["v"][i, :3], atol=1e-12
+        )
 
 
 def test_model_rows_are_those_the_governor_saw(walked):
@@ -61,7 +67,9 @@ def test_model_rows_are_those_the_governor_saw(walked):
     np.testing.assert_allclose(model_rows(walked, mu=MU, reference="x_r"), walked["h_r"], atol=1e-9)
     force = model_force(walked, reference="x_r")
     expected = MU * force[:, 2] - np.abs(force[:, 0])
-    np.testing.assert_allclose(model_rows(walked, mu=MU, reference="x_r")[:, :2].min(axis=1), expected, atol=1e-9)
+    np.testing.assert_allclose(
+        model_rows(walked, mu=MU, reference="x_r")[:, :2].min(axis=1), expected, atol=1e-9
+    )
 
 
 def test_a_run_of_another_controller_has_no_model_force():
@@ -80,19 +88,27 @@ def test_commands_of_the_cases_give_their_runs():
     run = case.run()
     assert run.parameters.coordinates == "cartesian"
     assert run.parameters.start == "inside"
-    assert case.command == "python -m reproduction vlip --evaluate-at measured --coordinates cartesian --start inside"
+    assert (
+        case.command
+        == "python -m reproduction vlip --evaluate-at measured --coordinates cartesian --start "
+        "inside"
+    )
     assert len(case.run(divide=2).t) == 2 * len(run.t)
 
 
 def test_runs_from_inside_the_cone(monkeypatch):
-    """Without a governor as that case's own run; the margin governor violates nothing, as is proved of it."""
+    """Without a governor as that case's own run; the margin governor violates nothing, as is proved
+    of it.
+    """
     monkeypatch.setattr(vlip_claims, "DIVISORS", (1, 2))
     names = ("no governor", "margin")
     monkeypatch.setattr(vlip_claims, "INSIDE", {name: vlip_claims.INSIDE[name] for name in names})
     found = vlip_claims.study_inside()
     case = VlipCase(None, start="inside")
     summaries = [case.run(divide=divide).summary() for divide in (1, 2)]
-    reversals = {str(k): summary.reversals_per_s for k, summary in zip((1, 2), summaries, strict=True)}
+    reversals = {
+        str(k): summary.reversals_per_s for k, summary in zip((1, 2), summaries, strict=True)
+    }
     assert found["no governor"] == vars(summaries[0]) | {"reversals_per_s": reversals}
     assert found["margin"]["violation_share"] == 0.0
     assert found["no governor"]["violation_share"] > 0.1
@@ -122,7 +138,9 @@ def test_report(robot, tmp_path):
 
 
 def test_space_cost_prefers_the_walk_that_does_not_slip(robot):
-    """The refined gait costs little in space; one that falls, or cannot be walked, costs more than any that does."""
+    """The refined gait costs little in space; one that falls, or cannot be walked, costs more than
+    any that does.
+    """
     cost = SpaceCost(robot=robot, duration=3.0)
     good = load_gait(SPACE_GAIT).gait
     assert cost(good) < 10.0

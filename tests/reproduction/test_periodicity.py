@@ -47,7 +47,9 @@ def test_packaged_gait_is_stable(step_map, periodic):
 
 
 def test_packaged_gait_is_stable_with_its_integrals(model, packaged, ground):
-    """The integrals creep for hundreds of steps; once settled, their slow decay is the largest eigenvalue."""
+    """The integrals creep for hundreds of steps; once settled, their slow decay is the largest
+    eigenvalue.
+    """
     found = analyse_periodicity(model, packaged.gait, ground=ground, newton=0)
     assert found.memory
     assert found.residual < 1e-5
@@ -57,7 +59,9 @@ def test_packaged_gait_is_stable_with_its_integrals(model, packaged, ground):
 def test_jacobian_predicts_a_disturbance(step_map, periodic):
     matrix = step_map.jacobian(periodic.section)
     shift = 1e-5 * np.random.default_rng(1).standard_normal(13)
-    found = (step_map(periodic.section + shift * SCALE[:13]) - step_map(periodic.section)) / SCALE[:13]
+    found = (step_map(periodic.section + shift * SCALE[:13]) - step_map(periodic.section)) / SCALE[
+        :13
+    ]
     np.testing.assert_allclose(found, matrix @ shift, atol=0.05 * np.abs(matrix @ shift).max())
 
 

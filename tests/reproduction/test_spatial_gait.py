@@ -18,7 +18,9 @@ def test_spatial_gait_has_the_planar_feet(robot, packaged):
         position, velocity, stance = targets(planar, t)
         np.testing.assert_allclose(target.foot_position[:, [0, 2]], position, atol=1e-12)
         np.testing.assert_allclose(target.foot_velocity[:, [0, 2]], velocity, atol=1e-11)
-        np.testing.assert_allclose(target.foot_position[:, 1] + target.body[1], [0.1, -0.1], atol=1e-12)
+        np.testing.assert_allclose(
+            target.foot_position[:, 1] + target.body[1], [0.1, -0.1], atol=1e-12
+        )
         np.testing.assert_array_equal(target.stance, stance[:, 0])
         np.testing.assert_array_equal(target.world_frame_blend, 0.0)
 
@@ -36,7 +38,9 @@ def test_planar_reference_is_periodic_and_its_own_derivative(robot, packaged, gr
 
 
 def test_in_space_it_falls_without_thrusters_and_walks_with_them(robot, packaged, ground):
-    """The paper's claim: the planar gait is not stable in space without thrusters (equations.md Q4)."""
+    """The paper's claim: the planar gait is not stable in space without thrusters (equations.md
+    Q4).
+    """
     endings = []
     for thrust in (False, True):
         controller = hp.Governed(governor="none", thrust=thrust)
@@ -58,10 +62,14 @@ def test_in_space_at_the_papers_friction(robot, packaged, ground, governor):
 
 
 def test_optimised_gait_under_the_papers_governor(robot):
-    """Ten seconds at the paper's friction: speed, angles, slip, and the normal force against no governor's."""
+    """Ten seconds at the paper's friction: speed, angles, slip, and the normal force against no
+    governor's.
+    """
     found = {}
     for governor in ("none", "paper"):
-        scenario = hp.Scenario(controller=hp.Governed(governor=governor), ground=hp.Ground(mu_s=0.25), duration=10.0)
+        scenario = hp.Scenario(
+            controller=hp.Governed(governor=governor), ground=hp.Ground(mu_s=0.25), duration=10.0
+        )
         found[governor] = hp.measure(hp.walk(scenario, gait=make_named_gait(robot, "optimised")))
     walked = found["paper"]
     assert not walked.fell

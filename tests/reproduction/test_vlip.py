@@ -44,14 +44,24 @@ def test_multiplier_solves_the_constrained_dynamics(r, mass, thrust, u_r, cop_ac
     system[3, :3] = r
     right = np.concatenate((mass * GRAVITY + thrust, [u_r + r @ cop_acceleration]))
     *acceleration, lam = np.linalg.solve(system, right)
-    assert multiplier(r, mass, GRAVITY, thrust, u_r, cop_acceleration) == pytest.approx(lam, rel=1e-9, abs=1e-9)
+    assert multiplier(r, mass, GRAVITY, thrust, u_r, cop_acceleration) == pytest.approx(
+        lam, rel=1e-9, abs=1e-9
+    )
     force = np.empty(3)
     leg_force(r, mass, GRAVITY, thrust, u_r, cop_acceleration, force)
-    np.testing.assert_allclose(mass * np.array(acceleration), mass * GRAVITY + thrust + force, atol=1e-8)
+    np.testing.assert_allclose(
+        mass * np.array(acceleration), mass * GRAVITY + thrust + force, atol=1e-8
+    )
 
 
 @given(
-    legs, vectors, vectors, masses, gains, arrays(np.float64, 6, elements=st.floats(-2.0, 2.0)), st.sampled_from(Law)
+    legs,
+    vectors,
+    vectors,
+    masses,
+    gains,
+    arrays(np.float64, 6, elements=st.floats(-2.0, 2.0)),
+    st.sampled_from(Law),
 )
 def test_axial_force_is_the_affine_form_of_the_leg_force(r, c, c_dot, mass, gain, w, law):
     """N(w) = J w + d gives the force that law and multiplier give (equations.md §2)."""
@@ -68,7 +78,9 @@ def test_axial_force_is_the_affine_form_of_the_leg_force(r, c, c_dot, mass, gain
 
 def test_reference_of_the_paper():
     """(θ, φ, l) at the times where its sines and cosines are known."""
-    np.testing.assert_allclose(paper_reference(0.5)[:3], [0.0, 1.5, 0.4], atol=1e-15)  # θ = 0: straight up (W8)
+    np.testing.assert_allclose(
+        paper_reference(0.5)[:3], [0.0, 1.5, 0.4], atol=1e-15
+    )  # θ = 0: straight up (W8)
     np.testing.assert_allclose(paper_reference(1.5)[:3], [0.9, -1.5, 0.4], atol=1e-15)
     np.testing.assert_allclose(paper_reference(0.0)[:3], [0.45, 0.0, 0.3], atol=1e-15)
     assert np.all(paper_reference(0.3)[3:] == 0.0)
@@ -76,14 +88,20 @@ def test_reference_of_the_paper():
 
 @given(arrays(np.float64, 6, elements=st.floats(-1.5, 1.5)), vectors)
 def test_polar_reference_by_complex_step(w, foot):
-    """c = u + l (sinθ cosφ, sinθ sinφ, cosθ): velocity along the rates, and the derivative of both."""
+    """c = u + l (sinθ cosφ, sinθ sinφ, cosθ): velocity along the rates, and the derivative of
+    both.
+    """
 
     def position(angles):
         theta, phi, length = angles
-        return length * np.array([np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi), np.cos(theta)])
+        return length * np.array(
+            [np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi), np.cos(theta)]
+        )
 
     def both(x):
-        gradient = np.stack([np.imag(position(x[:3] + 1e-30j * e)) / 1e-30 for e in np.eye(3)], axis=1)
+        gradient = np.stack(
+            [np.imag(position(x[:3] + 1e-30j * e)) / 1e-30 for e in np.eye(3)], axis=1
+        )
         return np.concatenate((foot + position(x[:3]), gradient @ x[3:]))
 
     out, derivative = np.empty(6), np.empty((6, 6))
@@ -99,7 +117,9 @@ def test_polar_reference_by_complex_step(w, foot):
 def test_polar_rows_are_the_cartesian_rows(evaluate_at, theta, phi, length, seed):
     """The same constraints at the same reference, with the Jacobian by central differences."""
     rng = np.random.default_rng(seed)
-    cart = ForceRows(mass=4.0, mu=0.45, law=Law.PROJECTED, gains=PAPER_GAINS, evaluate_at=evaluate_at)
+    cart = ForceRows(
+        mass=4.0, mu=0.45, law=Law.PROJECTED, gains=PAPER_GAINS, evaluate_at=evaluate_at
+    )
     rows = PolarRows(cart)
     x = np.concatenate((cartesian(0.4, 0.2, 0.4), rng.normal(size=3), np.zeros(3)))
     w = np.concatenate(([theta, phi, length], 0.3 * rng.normal(size=3)))
@@ -117,7 +137,9 @@ def test_polar_rows_are_the_cartesian_rows(evaluate_at, theta, phi, length, seed
             value = np.empty(5)
             rows.evaluate(x, moved, value, np.empty((5, 6)))
             values.append(value)
-        np.testing.assert_allclose(jacobian[:, i], (values[0] - values[1]) / 2e-6, rtol=1e-4, atol=1e-2)
+        np.testing.assert_allclose(
+            jacobian[:, i], (values[0] - values[1]) / 2e-6, rtol=1e-4, atol=1e-2
+        )
 
 
 def test_free_leg_conserves_energy():
@@ -162,7 +184,9 @@ states = st.builds(
 
 @given(states, arrays(np.float64, 6, elements=st.floats(-1.0, 1.0)))
 def test_w2_deadlock(x, x_r):
-    """v_n is proportional to x_r − x_w: where both coincide and violate, nothing moves, however long."""
+    """v_n is proportional to x_r − x_w: where both coincide and violate, nothing moves, however
+    long.
+    """
     rows = ForceRows(mass=4.0, mu=0.0, gains=PAPER_GAINS, law=Law.PROJECTED, min_normal_force=1e6)
     governor = ExplicitReferenceGovernor(rows, alpha_r=1.0, alpha_t=5.0, alpha_n=2.0)
     governor.reset(x_r)
@@ -174,12 +198,19 @@ def test_w2_deadlock(x, x_r):
 
 
 def test_w7_finite_differences_give_the_wrong_rank():
-    """The five rows are parallel: rank one. Differences of a step of 1e-6 make it more, and with too small
-    a null space the reference stands still where it need not; the analytic rows, normalised, have the right one."""
+    """The five rows are parallel: rank one. Differences of a step of 1e-6 make it more, and with
+    too small a null space the reference stands still where it need not; the analytic rows,
+    normalised, have the right one.
+    """
     rng = np.random.default_rng(0)
     wrong, rows = 0, ForceRows(mass=4.0, mu=0.45, gains=PAPER_GAINS, law=Law.PROJECTED)
     for _ in range(100):
-        x = measured(rng.uniform(0.1, 1.0), rng.uniform(-3.0, 3.0), rng.uniform(0.2, 0.8), rng.uniform(-1.0, 1.0, 3))
+        x = measured(
+            rng.uniform(0.1, 1.0),
+            rng.uniform(-3.0, 3.0),
+            rng.uniform(0.2, 0.8),
+            rng.uniform(-1.0, 1.0, 3),
+        )
         w = rng.uniform(-1.0, 1.0, 6)
         h, jacobian, scratch = np.empty(5), np.empty((5, 6)), np.empty((5, 6))
         force_rows_measured(x, w, rows.record, h, jacobian)
@@ -191,9 +222,13 @@ def test_w7_finite_differences_give_the_wrong_rank():
             differences[:, i] = (ahead - h) / 1e-6
         wrong += np.linalg.matrix_rank(differences) > 1
         assert np.linalg.matrix_rank(jacobian) == 1
-        erg = ExplicitReferenceGovernor(ForceRows(mass=4.0, mu=0.3), alpha_r=0.0, alpha_t=1.0, alpha_n=0.0)._record
+        erg = ExplicitReferenceGovernor(
+            ForceRows(mass=4.0, mu=0.3), alpha_r=0.0, alpha_t=1.0, alpha_n=0.0
+        )._record
         erg["h_r"], erg["h_w"], erg["jacobian_r"] = -1.0, 1.0, jacobian
         explicit_update(w, np.zeros(6), 0.0, erg[0])
         normal = jacobian[4] / np.linalg.norm(jacobian[4])
-        np.testing.assert_allclose(erg["rate"][0], w - normal * (normal @ w), atol=1e-12)  # five dimensions are left
+        np.testing.assert_allclose(
+            erg["rate"][0], w - normal * (normal @ w), atol=1e-12
+        )  # five dimensions are left
     assert wrong == 100

@@ -1,4 +1,6 @@
-"""A task in the QP, rows in a governor, the governor of the true force and the shield behind a controller."""
+"""A task in the QP, rows in a governor, the governor of the true force and the shield behind a
+controller.
+"""
 
 from typing import assert_type
 
@@ -42,7 +44,9 @@ rows = hp.governors.StackedRows([hp.governors.ForceRows(mass=robot.mass, mu=0.4)
 governor: hp.governors.Governor = hp.ExplicitReferenceGovernor(rows)
 governor.reset(np.array([0.0, 0.0, 0.6, 0.0, 0.0, 0.0]))
 applied = governor.update(
-    np.array([0.0, 0.0, 0.6, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]), np.array([0.0, 0.0, 0.6, 0.8, 0.0, 0.0]), 1e-3
+    np.array([0.0, 0.0, 0.6, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]),
+    np.array([0.0, 0.0, 0.6, 0.8, 0.0, 0.0]),
+    1e-3,
 )
 assert_type(applied, Vector)
 assert_type(governor.status.active, tuple[str, ...])

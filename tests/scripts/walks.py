@@ -14,7 +14,9 @@ scenario = hp.Scenario(
     controller="condensed",
     ground=hp.Ground(mu_s=0.3),
     duration=0.05,
-    disturbances=hp.Disturbances(pushes=(hp.Push(0.01, (0.0, 1.0, 0.0)),), noise=hp.Noise.typical(0.1)),
+    disturbances=hp.Disturbances(
+        pushes=(hp.Push(0.01, (0.0, 1.0, 0.0)),), noise=hp.Noise.typical(0.1)
+    ),
 )
 run = hp.walk(scenario, save=path)
 assert_type(run, hp.Run)

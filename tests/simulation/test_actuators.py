@@ -16,7 +16,9 @@ ROBOT = hp.load_harpy()
 Q, V = hp.make_gait(ROBOT).initial_state()
 
 
-def floating(actuators: Actuators, *, dt: float = 5e-4, v: np.ndarray | None = None) -> hp.Simulator:
+def floating(
+    actuators: Actuators, *, dt: float = 5e-4, v: np.ndarray | None = None
+) -> hp.Simulator:
     """The robot high above the ground, without gravity."""
     simulator = hp.Simulator(ROBOT, dt=dt, gravity=(0.0, 0.0, 0.0), actuators=actuators)
     q = Q.copy()
@@ -55,7 +57,9 @@ def test_weak_motors_clip_in_the_plant():
 
 def test_viscous_friction_is_more_damping():
     actuators = Actuators(viscous_friction=2.0)
-    assert np.allclose(np.array(actuators.damped(ROBOT).model.damping)[6:], np.array(ROBOT.model.damping)[6:] + 2.0)
+    assert np.allclose(
+        np.array(actuators.damped(ROBOT).model.damping)[6:], np.array(ROBOT.model.damping)[6:] + 2.0
+    )
     assert Actuators().damped(ROBOT) is ROBOT
 
 
@@ -65,12 +69,16 @@ def energy(simulator: hp.Simulator) -> float:
 
 @pytest.mark.parametrize(("viscous", "coulomb"), [(0.0, 0.3), (1.0, 0.0), (0.5, 0.2)])
 def test_energy_that_friction_takes(viscous, coulomb):
-    """Kinetic energy lost = damping and Coulomb friction times the joints' motion, as the step goes to zero."""
+    """Kinetic energy lost = damping and Coulomb friction times the joints' motion, as the step goes
+    to zero.
+    """
     v = np.concatenate((np.zeros(6), np.array([2.0, -3.0, 4.0, -1.0, 2.5, -2.0])))
     damping = np.array(ROBOT.model.damping)[6:] + viscous
     errors = []
     for dt in (2e-4, 1e-4):
-        simulator = floating(Actuators(viscous_friction=viscous, coulomb_friction=coulomb), dt=dt, v=v)
+        simulator = floating(
+            Actuators(viscous_friction=viscous, coulomb_friction=coulomb), dt=dt, v=v
+        )
         before, lost = energy(simulator), 0.0
         for _ in range(round(0.01 / dt)):
             old = simulator.v[6:].copy()
@@ -83,14 +91,18 @@ def test_energy_that_friction_takes(viscous, coulomb):
 
 
 def test_friction_and_contact_satisfy_both_conditions():
-    """On the ground: every joint is at rest under friction within its limit, or has the whole of it against it."""
+    """On the ground: every joint is at rest under friction within its limit, or has the whole of it
+    against it.
+    """
     limit, rng = 0.4, np.random.default_rng(3)
     plant = hp.Simulator(ROBOT, hp.Ground(mu_s=0.3), actuators=Actuators(coulomb_friction=limit))
     simulator = started(plant, hp.make_gait(ROBOT))
     torque = simulator.record["joints"]["torque"][0]
     stuck = 0
     for _ in range(300):
-        simulator.advance(hp.Command(rng.normal(0.0, 1.5, 6), rng.normal((0.0, 0.0, 9.0), 5.0, (2, 3))))
+        simulator.advance(
+            hp.Command(rng.normal(0.0, 1.5, 6), rng.normal((0.0, 0.0, 9.0), 5.0, (2, 3)))
+        )
         speed = simulator.v[6:]
         still = np.abs(speed) < 1e-7
         stuck += int(still.sum())
@@ -104,8 +116,15 @@ def test_friction_and_contact_satisfy_both_conditions():
 @pytest.mark.parametrize(
     "actuators",
     [
-        *(Actuators(bandwidth=50.0), Actuators(viscous_friction=1.0), Actuators(coulomb_friction=0.3)),
-        *(Actuators(thrusters={"lag": 0.03, "turning_lag": turning_lag}) for turning_lag in (0.0, 0.05)),
+        *(
+            Actuators(bandwidth=50.0),
+            Actuators(viscous_friction=1.0),
+            Actuators(coulomb_friction=0.3),
+        ),
+        *(
+            Actuators(thrusters={"lag": 0.03, "turning_lag": turning_lag})
+            for turning_lag in (0.0, 0.05)
+        ),
     ],
 )
 def test_both_engines_agree(actuators):
@@ -120,8 +139,15 @@ def test_both_engines_agree(actuators):
         plant.reset(q, np.zeros(12))
         plant.advance(command(0.0))
         for n in range(300):
-            torque, up = 0.8 * math.sin(40.0 * n * 1e-4 + 1.0), 40.0 + 20.0 * math.sin(60.0 * n * 1e-4)
-            thrust = np.array([(5.0, 0.0, up), (5.0, 1.0, up)]) if actuators.thrusters else np.zeros((2, 3))
+            torque, up = (
+                0.8 * math.sin(40.0 * n * 1e-4 + 1.0),
+                40.0 + 20.0 * math.sin(60.0 * n * 1e-4),
+            )
+            thrust = (
+                np.array([(5.0, 0.0, up), (5.0, 1.0, up)])
+                if actuators.thrusters
+                else np.zeros((2, 3))
+            )
             plant.advance(hp.Command(np.full(6, torque), thrust))
         ends.append(plant.v.copy())
     assert np.abs(ends[0][6:]).max() > 0.3
@@ -129,7 +155,9 @@ def test_both_engines_agree(actuators):
 
 
 def test_torque_falls_with_speed():
-    """A motor under full voltage: stall torque at rest, none at the no-load speed, and a brake beyond it."""
+    """A motor under full voltage: stall torque at rest, none at the no-load speed, and a brake
+    beyond it.
+    """
     actuators = Actuators(no_load_speed=20.0, stall_share=0.5)
     v = np.zeros(12)
     v[6:] = [0.0, 5.0, 20.0, 30.0, -5.0, 5.0]

@@ -1,4 +1,6 @@
-"""The bridge into a MuJoCo simulation of one's own: forces, torques, laws, differences, and other robots' models."""
+"""The bridge into a MuJoCo simulation of one's own: forces, torques, laws, differences, and other
+robots' models.
+"""
 
 import numpy as np
 import pinocchio as pin
@@ -63,7 +65,9 @@ def test_a_shank_near_the_foot_is_the_foot_and_a_knee_is_not(go2):
     bridge, data = MujocoBridge(model, go2), mujoco.MjData(model)
     moving(bridge, data, height=-0.005)
     assert data.ncon == 8
-    np.testing.assert_allclose(bridge.read(data).foot_force.sum(axis=0), data.qfrc_constraint[:3], atol=1e-9)
+    np.testing.assert_allclose(
+        bridge.read(data).foot_force.sum(axis=0), data.qfrc_constraint[:3], atol=1e-9
+    )
     moving(bridge, data, height=0.5)
     data.qpos[:3] += [5.0, 0.0, 2.035] - data.geom("knee").xpos
     mujoco.mj_forward(model, data)
@@ -115,13 +119,20 @@ def test_joints_accelerate_as_under_the_torques(go2, actuators, law):
     rng = np.random.default_rng(2)
     torque, given = rng.normal(size=12) * 5.0, {}
     if law:
-        given = {"q": rng.normal(size=12), "v": rng.normal(size=12), "k_p": 20.0, "k_d": rng.uniform(0.5, 2.0, 12)}
+        given = {
+            "q": rng.normal(size=12),
+            "v": rng.normal(size=12),
+            "k_p": 20.0,
+            "k_d": rng.uniform(0.5, 2.0, 12),
+        }
     command = hp.Command(torque, **given)
     for one in (data, other):
         moving(bridge, one, height=1.0)
     state = bridge.read(data)
     if law:
-        torque = torque + 20.0 * (given["q"] - state.q[7:]) + given["k_d"] * (given["v"] - state.v[6:])
+        torque = (
+            torque + 20.0 * (given["q"] - state.q[7:]) + given["k_d"] * (given["v"] - state.v[6:])
+        )
         torque = np.clip(torque, -go2.torque_limit, go2.torque_limit)
         assert (abs(torque) == go2.torque_limit).any()
     bridge.write(command, data)
@@ -137,7 +148,12 @@ def test_joints_accelerate_as_under_the_torques(go2, actuators, law):
 def test_commands_that_do_not_fit_are_refused(go2):
     bridge = MujocoBridge(described(go2, actuators="motor").compile(), go2)
     data = mujoco.MjData(bridge.model)
-    for bad in (hp.Command(np.zeros(6)), hp.Command(np.full(12, np.nan)), hp.Command(np.zeros(12), FEET[:2] + 1), None):
+    for bad in (
+        hp.Command(np.zeros(6)),
+        hp.Command(np.full(12, np.nan)),
+        hp.Command(np.zeros(12), FEET[:2] + 1),
+        None,
+    ):
         with pytest.raises(InputError):
             bridge.write(bad, data)
     for bad in (None, "data", bridge.model):
@@ -164,7 +180,9 @@ def test_a_file_of_mujoco_is_that_robot(go2, tmp_path):
         np.testing.assert_allclose(read.model.damping[6:], 0.3)
         np.testing.assert_allclose(read.dry_friction, 0.4)
     robot = robot.with_mujoco(model)
-    np.testing.assert_allclose(robot.torque_limit, np.minimum(go2.torque_limit, 24.0))  # 8 N·m times the gear, 3
+    np.testing.assert_allclose(
+        robot.torque_limit, np.minimum(go2.torque_limit, 24.0)
+    )  # 8 N·m times the gear, 3
     bridge, data, full = MujocoBridge(model, robot), mujoco.MjData(model), np.zeros((18, 18))
     assert bridge.differences == ""
     calf = "largest torque of FL_calf_joint: 24 N·m in the model, 45.43 in the robot; and 3 more"
@@ -194,7 +212,12 @@ DAMPER = {"gaintype": 1, "gainprm": [0.0, 0.0, -1.0, *[0.0] * 7]}
         ([{**SERVO, "ctrlrange": (-1e-3, 1e-3)}], None, 23.7, 23.7),
         ([{**SERVO, "forcerange": (-1.0, 1.0)}], None, 23.7, 3.0),
         ([{**DAMPER, "ctrlrange": (0.0, 1.0)}], None, 23.7, 23.7),
-        ([{**MOTOR, "ctrlrange": (-1.0, 1.0)}, {**MOTOR, "forcerange": (-1.0, 1.0)}], None, 23.7, 9.0),
+        (
+            [{**MOTOR, "ctrlrange": (-1.0, 1.0)}, {**MOTOR, "forcerange": (-1.0, 1.0)}],
+            None,
+            23.7,
+            9.0,
+        ),
         ([], None, 23.7, 23.7),
         ([], 5.0, 23.7, 5.0),
     ],
@@ -202,11 +225,19 @@ DAMPER = {"gaintype": 1, "gainprm": [0.0, 0.0, -1.0, *[0.0] * 7]}
 def test_torque_limits_are_the_smaller_of_model_and_robot(go2, actuators, joint, urdf, expected):
     """Of actuators with a gear of 3; where the robot has no limit (None), the model's."""
     spec, name = described(go2, joints=JOINTS), "FL_hip_joint"
-    give(spec.joint(name), actfrclimited=joint is not None, actfrcrange=(-(joint or 0.0), joint or 0.0))
+    give(
+        spec.joint(name),
+        actfrclimited=joint is not None,
+        actfrcrange=(-(joint or 0.0), joint or 0.0),
+    )
     for values in actuators:
-        limited = {key: key[:-5] + "limited" for key in ("ctrlrange", "forcerange") if key in values}
+        limited = {
+            key: key[:-5] + "limited" for key in ("ctrlrange", "forcerange") if key in values
+        }
         more = {**values, **dict.fromkeys(limited.values(), 1)}
-        spec.add_actuator(target=name, trntype=mujoco.mjtTrn.mjTRN_JOINT, gear=[3.0, *[0.0] * 5], **more)
+        spec.add_actuator(
+            target=name, trntype=mujoco.mjtTrn.mjTRN_JOINT, gear=[3.0, *[0.0] * 5], **more
+        )
     limit = np.array(go2.model.effortLimit)
     limit[6] = urdf or np.inf
     known = go2.with_arrays({"effortLimit": limit}).with_mujoco(spec.compile())
@@ -221,10 +252,15 @@ def test_differences_are_said(go2):
     said = MujocoBridge(spec.compile(), go2).differences
     lines = said.splitlines()
     assert any(
-        line.startswith("mass of the base: ") and "8.277 kg in the model, 7.277 in the robot" in line for line in lines
+        line.startswith("mass of the base: ")
+        and "8.277 kg in the model, 7.277 in the robot" in line
+        for line in lines
     )
     assert any(line.startswith("axis of joint of FL_calf_joint: [") for line in lines)
-    assert any(line.startswith("place of joint of RR_thigh_joint: ") and line.endswith("and 1 more") for line in lines)
+    assert any(
+        line.startswith("place of joint of RR_thigh_joint: ") and line.endswith("and 1 more")
+        for line in lines
+    )
     assert "armature of FL_hip_joint: 0.02 kg·m² in the model, 0 in the robot; and 11 more" in lines
     assert any("damping" in line for line in lines)
     assert any("friction" in line for line in lines)
@@ -246,7 +282,9 @@ def drive_a_foot(spec):
 
 
 def tie(spec, kind, *names):
-    objects = mujoco.mjtObj.mjOBJ_JOINT if kind == mujoco.mjtEq.mjEQ_JOINT else mujoco.mjtObj.mjOBJ_BODY
+    objects = (
+        mujoco.mjtObj.mjOBJ_JOINT if kind == mujoco.mjtEq.mjEQ_JOINT else mujoco.mjtObj.mjOBJ_BODY
+    )
     spec.add_equality(type=kind, name1=names[0], name2=names[1], objtype=objects)
 
 
@@ -255,20 +293,44 @@ def tie(spec, kind, *names):
     [
         (lambda spec: spec.delete(spec.joints[0]), "no free joint"),
         (rename, "joint of the MuJoCo model 'FL_calf_joint'"),
-        (lambda spec: spec.body("FL_foot").add_joint(name="toe"), "joints that the robot has not: toe"),
+        (
+            lambda spec: spec.body("FL_foot").add_joint(name="toe"),
+            "joints that the robot has not: toe",
+        ),
         (lambda spec: give(spec.joint("FL_calf_joint"), type=2), "calf_joint' of .* not turn"),
         (
             lambda spec: give(spec.joint("FL_calf_joint"), type=1, range=(0, 3)),
             "calf_joint' of .* not turn about one axis",
         ),
-        (lambda spec: give(spec.joint("FL_calf_joint"), axis=(0, -1, 0)), "direction of joint of FL_calf_joint"),
-        (lambda spec: give(spec.joint("FL_hip_joint"), axis=(0, 1, 0)), "axis or direction of joint of FL_hip_joint"),
-        (lambda spec: give(spec.joint("FL_thigh_joint"), ref=0.5), "place of joint of FL_calf_joint"),
-        (lambda spec: give(spec.joint("FL_calf_joint"), ref=1.0), "place of the link of FL_calf_joint"),
+        (
+            lambda spec: give(spec.joint("FL_calf_joint"), axis=(0, -1, 0)),
+            "direction of joint of FL_calf_joint",
+        ),
+        (
+            lambda spec: give(spec.joint("FL_hip_joint"), axis=(0, 1, 0)),
+            "axis or direction of joint of FL_hip_joint",
+        ),
+        (
+            lambda spec: give(spec.joint("FL_thigh_joint"), ref=0.5),
+            "place of joint of FL_calf_joint",
+        ),
+        (
+            lambda spec: give(spec.joint("FL_calf_joint"), ref=1.0),
+            "place of the link of FL_calf_joint",
+        ),
         (lambda spec: spec.delete(spec.actuators[3]), "'FR_hip_joint' has no actuators"),
-        (lambda spec: spec.add_actuator(target="FL_calf_joint", trntype=0), "'FL_calf_joint' has 2 actuators"),
-        (lambda spec: give(spec.actuators[3], gaintype=mujoco.mjtGain.mjGAIN_AFFINE), "neither motor nor servo"),
-        (lambda spec: give(spec.actuators[3], dyntype=mujoco.mjtDyn.mjDYN_FILTER), "neither motor nor servo"),
+        (
+            lambda spec: spec.add_actuator(target="FL_calf_joint", trntype=0),
+            "'FL_calf_joint' has 2 actuators",
+        ),
+        (
+            lambda spec: give(spec.actuators[3], gaintype=mujoco.mjtGain.mjGAIN_AFFINE),
+            "neither motor nor servo",
+        ),
+        (
+            lambda spec: give(spec.actuators[3], dyntype=mujoco.mjtDyn.mjDYN_FILTER),
+            "neither motor nor servo",
+        ),
         (drive_a_foot, "no actuator of the MuJoCo model drives"),
         (
             lambda spec: tie(spec, mujoco.mjtEq.mjEQ_CONNECT, "FL_foot", "FR_foot"),
@@ -299,9 +361,15 @@ def test_what_is_no_model_is_refused(go2):
 
 @pytest.mark.parametrize("kind", ["condensed", "wbc"])
 def test_motors_hold_joint_targets_unless_torques_alone_are_asked_for(go2, kind):
-    """Armature that the controller does not know: with its default behind a bridge it walks, with torques alone not."""
+    """Armature that the controller does not know: with its default behind a bridge it walks, with
+    torques alone not.
+    """
     model = described(go2, actuators="motor", joints={"armature": 0.03}).compile()
-    bridge, alone, heights = MujocoBridge(model, go2), {"joint_stiffness": 0.0, "joint_damping": 0.0}, []
+    bridge, alone, heights = (
+        MujocoBridge(model, go2),
+        {"joint_stiffness": 0.0, "joint_damping": 0.0},
+        [],
+    )
     for how in ({}, {**alone, "contact_damping": 200.0}):
         data, gait = mujoco.MjData(model), hp.WalkingGait(go2, velocity=(0.4, 0.0, 0.0))
         controller = hp.make_controller(kind, gait, mu=0.6, bridge=bridge, **how)
@@ -322,8 +390,14 @@ def test_a_bridge_of_another_robot_makes_no_controller(go2):
     gait, period = hp.Standing(hp.load_robot("solo12")), 0.004
     with pytest.raises(InputError, match="the gait is of 'solo12', the bridge of 'go2'"):
         hp.make_controller("condensed", gait, mu=0.5, bridge=bridge)
-    made = hp.make_controller("condensed", hp.Standing(go2), mu=0.5, bridge=bridge, period=period, joint_damping=0.5)
-    assert (made.period, made.parameters.joint_damping, made.parameters.joint_stiffness) == (period, 0.5, 1.0)
+    made = hp.make_controller(
+        "condensed", hp.Standing(go2), mu=0.5, bridge=bridge, period=period, joint_damping=0.5
+    )
+    assert (made.period, made.parameters.joint_damping, made.parameters.joint_stiffness) == (
+        period,
+        0.5,
+        1.0,
+    )
 
 
 def test_small_feet_that_sink_bear_the_weight(go2):
@@ -340,7 +414,9 @@ def test_small_feet_that_sink_bear_the_weight(go2):
 
 
 def test_geoms_of_the_robot_that_push_each_other_are_found_and_said(go2):
-    """The hip's torque is the moment of the force that is told; the ground is no part of the robot."""
+    """The hip's torque is the moment of the force that is told; the ground is no part of the
+    robot.
+    """
     spec, gait = described(go2), hp.Standing(go2)
     q = gait.initial_state(penetration=0.01)[0]
     assert not MujocoBridge(described(go2).compile(), go2).self_contacts(q)
@@ -351,7 +427,9 @@ def test_geoms_of_the_robot_that_push_each_other_are_found_and_said(go2):
     bridge.place((q, np.zeros(18)), data)
     mujoco.mj_forward(bridge.model, data)
     axes, place = data.body("FL_thigh").xmat.reshape(3, 3), data.body("FL_thigh").xpos
-    thigh.pos = axes.T @ (data.body("base").xpos + np.array((0.06, 0.07, 0.03)) - place)  # 3 mm deep
+    thigh.pos = axes.T @ (
+        data.body("base").xpos + np.array((0.06, 0.07, 0.03)) - place
+    )  # 3 mm deep
     bridge = MujocoBridge(spec.compile(), go2)
     ((pair, force),) = bridge.self_contacts(q).items()
     assert pair == ("trunk", "thigh")
@@ -365,6 +443,7 @@ def test_geoms_of_the_robot_that_push_each_other_are_found_and_said(go2):
     assert force == pytest.approx(expected, rel=1e-3)
     assert force > 1.0
     with pytest.warns(
-        UserWarning, match=f"'trunk' and 'thigh' push each other apart in the MuJoCo model, with {force:.0f} N"
+        UserWarning,
+        match=f"'trunk' and 'thigh' push each other apart in the MuJoCo model, with {force:.0f} N",
     ):
         hp.make_controller("condensed", gait, mu=0.6, bridge=bridge)

@@ -1,4 +1,6 @@
-"""Data that are not of the bridge's model: a clear error, and not one byte is written. And what it may be given."""
+"""Data that are not of the bridge's model: a clear error, and not one byte is written. And what it
+may be given.
+"""
 
 import copy
 import pickle
@@ -46,7 +48,9 @@ def test_controls_are_where_the_model_has_them(go2):
     body.add_joint(name="ball", type=mujoco.mjtJoint.mjJNT_BALL)
     body.add_geom(size=(0.1, 0, 0))
     head = '<actuator><orientation joint="ball" kp="3"/>'
-    motors = "".join(f'<motor joint="{name}" gear="{2 + k % 3}"/>' for k, name in enumerate(go2.joints))
+    motors = "".join(
+        f'<motor joint="{name}" gear="{2 + k % 3}"/>' for k, name in enumerate(go2.joints)
+    )
     text = spec.to_xml().replace("</mujoco>", f"{head}{motors}</actuator></mujoco>")
     model = mujoco.MjModel.from_xml_string(text)
     assert model.actuator_ctrladr.tolist() == [0, *range(3, 15)]
@@ -63,13 +67,19 @@ def test_controls_are_where_the_model_has_them(go2):
 def test_two_robots_in_one_world(go2):
     spec, parts = mujoco.MjSpec(), {"a/": 0.0, "b/": 2.0}
     for prefix, aside in parts.items():
-        spec.attach(described(go2, actuators="motor"), prefix=prefix, frame=spec.worldbody.add_frame(pos=(0, aside, 0)))
+        spec.attach(
+            described(go2, actuators="motor"),
+            prefix=prefix,
+            frame=spec.worldbody.add_frame(pos=(0, aside, 0)),
+        )
     model = spec.compile()
     for function in (lambda: MujocoBridge(model, go2), lambda: go2.with_mujoco(model)):
         with pytest.raises(InputError, match="2 joints"):
             function()
     model.dof_armature[-12:] = 0.03  # of the second one's joints
-    armature = {prefix: go2.with_mujoco(model, prefix=prefix).model.armature[6:] for prefix in parts}
+    armature = {
+        prefix: go2.with_mujoco(model, prefix=prefix).model.armature[6:] for prefix in parts
+    }
     np.testing.assert_array_equal(armature["a/"], 0.0)
     np.testing.assert_array_equal(armature["b/"], 0.03)
     model.dof_armature[:] = 0.0
@@ -120,17 +130,38 @@ def test_data_of_another_model_are_refused_and_left_as_they_are(go2, bridge):
             lambda data=data: bridge.place(state, data),
             lambda data=data: bridge.place((state.q, state.v), data),
         ):
-            with pytest.raises(InputError, match="data are of another MuJoCo model than the bridge"):
+            with pytest.raises(
+                InputError, match="data are of another MuJoCo model than the bridge"
+            ):
                 call()
         np.testing.assert_array_equal(whole(data), before)
 
 
 def test_what_only_looks_like_data_is_refused(go2, bridge):
     data = mujoco.MjData(bridge.model)
-    names = ("qpos", "qvel", "ctrl", "qfrc_applied", "ncon", "time", "model", "contact", "sensordata")
+    names = (
+        "qpos",
+        "qvel",
+        "ctrl",
+        "qfrc_applied",
+        "ncon",
+        "time",
+        "model",
+        "contact",
+        "sensordata",
+    )
     known = {name: getattr(data, name) for name in names}
-    for changes in ({}, {"qpos": data.qpos[:5]}, {"ctrl": np.zeros(3)}, {"qvel": np.zeros(18, np.float32)}):
-        for call in (bridge.read, lambda d: bridge.write(hp.Command(np.ones(12)), d), bridge.readings):
+    for changes in (
+        {},
+        {"qpos": data.qpos[:5]},
+        {"ctrl": np.zeros(3)},
+        {"qvel": np.zeros(18, np.float32)},
+    ):
+        for call in (
+            bridge.read,
+            lambda d: bridge.write(hp.Command(np.ones(12)), d),
+            bridge.readings,
+        ):
             with pytest.raises(InputError):
                 call(SimpleNamespace(**{**known, **changes}))
     with pytest.raises(AttributeError):
@@ -138,7 +169,9 @@ def test_what_only_looks_like_data_is_refused(go2, bridge):
 
 
 def guarded(rng, size):
-    """An array amid guards: of a size that may be wrong, of another type, read only, or with gaps."""
+    """An array amid guards: of a size that may be wrong, of another type, read only, or with
+    gaps.
+    """
     length = int(rng.choice([size, size - 1, size + 1, 0, 1, 2 * size]))
     kind = rng.choice(["f8", "f8", "f8", "f4", "i8"])
     step = int(rng.choice([1, 1, 2, -1]))
@@ -151,7 +184,9 @@ def guarded(rng, size):
 
 
 def test_kernels_write_into_arrays_that_fit_and_nowhere_else(bridge):
-    """Thousands of arrays of wrong sizes and kinds: an error of ours, or a result inside; guards stay whole."""
+    """Thousands of arrays of wrong sizes and kinds: an error of ours, or a result inside; guards
+    stay whole.
+    """
     rng, record, sizes = np.random.default_rng(0), bridge._record, bridge._shapes
     conventions, (nq, nv, feet), model = bridge._record_, sizes, bridge.model
     refused = 0
@@ -192,7 +227,11 @@ def test_gears_and_gains_are_those_of_the_moment(bridge, go2):
     model.actuator_gear[:] = gear
 
 
-COPIES = {"copy": copy.copy, "deepcopy": copy.deepcopy, "pickle": lambda one: pickle.loads(pickle.dumps(one))}
+COPIES = {
+    "copy": copy.copy,
+    "deepcopy": copy.deepcopy,
+    "pickle": lambda one: pickle.loads(pickle.dumps(one)),
+}
 
 
 @pytest.mark.parametrize("way", COPIES)
@@ -237,7 +276,9 @@ def test_one_bridge_serves_several_threads(bridge, go2):
         expected.append(bridge.read(data).foot_force)
 
     def read(n):
-        return all(np.array_equal(bridge.read(worlds[n]).foot_force, expected[n]) for _ in range(200))
+        return all(
+            np.array_equal(bridge.read(worlds[n]).foot_force, expected[n]) for _ in range(200)
+        )
 
     with ThreadPoolExecutor(4) as threads:
         assert all(threads.map(read, range(4)))

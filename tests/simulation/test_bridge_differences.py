@@ -1,4 +1,6 @@
-"""What a bridge says of a user's model: what MuJoCo does otherwise than the robot that the controller knows."""
+"""What a bridge says of a user's model: what MuJoCo does otherwise than the robot that the
+controller knows.
+"""
 
 import mujoco
 import numpy as np
@@ -54,15 +56,27 @@ def sparse(spec):
             lambda s: give(s.joint(CALF), range=(-2.0, -0.84)),
             f"lower end of joint of {CALF}: -2 rad in the model, -2.7",
         ),
-        (lambda s: give(s.joint(CALF), limited=0), f"upper end of joint of {CALF}: inf rad in the model, -0.8"),
-        (lambda s: give(s.joint(CALF), stiffness=[30.0, 0, 0]), f"the model has springs of joint '{CALF}' (30 N·m"),
+        (
+            lambda s: give(s.joint(CALF), limited=0),
+            f"upper end of joint of {CALF}: inf rad in the model, -0.8",
+        ),
+        (
+            lambda s: give(s.joint(CALF), stiffness=[30.0, 0, 0]),
+            f"the model has springs of joint '{CALF}' (30 N·m",
+        ),
         (
             lambda s: give(s.option, gravity=(0, 0, -3.71)),
             "gravity of the world: [ 0.    0.   -3.71] m/s² in the model",
         ),
         (lambda s: give(s.body("base"), gravcomp=1.0), "the model has gravcomp of body 'base' (1)"),
-        (lambda s: give(s.option, wind=(3, 0, 0), density=1.2), "the model has air of density 1.2 kg/m³ and viscosity"),
-        (lambda s: give(s.actuators[2], delay=0.005, nsample=4), f"the model has delay of actuator 'of {CALF}' (0.005"),
+        (
+            lambda s: give(s.option, wind=(3, 0, 0), density=1.2),
+            "the model has air of density 1.2 kg/m³ and viscosity",
+        ),
+        (
+            lambda s: give(s.actuators[2], delay=0.005, nsample=4),
+            f"the model has delay of actuator 'of {CALF}' (0.005",
+        ),
         (
             lambda s: give(s.joint(CALF), damping=[0.0, 0.02, 0]),
             f"the model has damping that is not linear of joint '{CALF}' (0.",
@@ -72,10 +86,15 @@ def sparse(spec):
         pytest.param(
             sparse,
             "Newton's solver is wrong with sparse Jacobians in MuJoCo 4.0.0",
-            marks=pytest.mark.skipif(mujoco.__version__ != WRONG_IF_SPARSE, reason="MuJoCo's solver is right"),
+            marks=pytest.mark.skipif(
+                mujoco.__version__ != WRONG_IF_SPARSE, reason="MuJoCo's solver is right"
+            ),
         ),
         (lambda s: give(s.option, disableflags=16), "the model has the flag contact='disable'"),
-        (lambda s: give(s.option, disableflags=128), "gravity of the world: [0. 0. 0.] m/s² in the model"),
+        (
+            lambda s: give(s.option, disableflags=128),
+            "gravity of the world: [0. 0. 0.] m/s² in the model",
+        ),
     ],
 )
 def test_what_the_robot_has_not_is_named(go2, change, line):
@@ -115,12 +134,17 @@ def test_armature_and_damping_of_actuators_are_mujocos(go2):
     first, second, third = 0.1 + 9.0 * 0.3, 0.2 + 9.0 * 0.4, 9.0 * 0.5
     assert -data.qfrc_damper[place] == pytest.approx(first * 2.0 + second * 4.0 + third * 8.0)
     assert f"damping of {CALF}: {first:.4g} N·m·s/rad in the model" in said
-    assert f"damping that is not linear of joint '{CALF}' ({second:.4g}, {third:.4g} N·m·s²/rad²)" in said
+    assert (
+        f"damping that is not linear of joint '{CALF}' ({second:.4g}, {third:.4g} N·m·s²/rad²)"
+        in said
+    )
 
 
 def test_a_range_of_control_that_cuts_torques_off(go2):
     """A servo gives what the line says at the end where MuJoCo cuts off most."""
-    bridge = changed(go2, lambda s: give(s.actuators[2], ctrllimited=1, ctrlrange=(-7, -1)), actuators="position")
+    bridge = changed(
+        go2, lambda s: give(s.actuators[2], ctrllimited=1, ctrlrange=(-7, -1)), actuators="position"
+    )
     model, data, limit = bridge.model, mujoco.MjData(bridge.model), float(go2.torque_limit[2])
     number, place, given = model.joint(CALF).id, model.joint(CALF).dofadr[0], []
     for angle in model.jnt_range[number]:
@@ -132,7 +156,10 @@ def test_a_range_of_control_that_cuts_torques_off(go2):
             given.append(max(data.qfrc_actuator[place] * np.sign(torque), 0.0))
     least = min(given)
     assert least < limit - 1.0
-    line = f"torque that ranges of control and force leave at the ends of {CALF}: {least:.4g} N·m in the model"
+    line = (
+        f"torque that ranges of control and force leave at the ends of {CALF}: {least:.4g} N·m "
+        f"in the model"
+    )
     assert line in bridge.differences
 
 
@@ -150,7 +177,9 @@ def test_a_robot_hovers_on_the_margins_of_feet_and_floor(go2, override):
     bridge.place(gait.initial_state(penetration=-0.1), data)
     mujoco.mj_forward(model, data)
     assert data.nefc == 0
-    while data.nefc < 16:  # four edges of each foot's pyramid; a gap finds contacts earlier, which push later
+    while (
+        data.nefc < 16
+    ):  # four edges of each foot's pyramid; a gap finds contacts earlier, which push later
         data.qpos[2] -= 1e-4
         mujoco.mj_forward(model, data)
     said = 0.03 if override else 0.04
@@ -162,14 +191,18 @@ def test_disabled_actuators_do_not_count(go2):
     """A servo and a motor in a joint, one of which is off; and joints whose only actuator is."""
     spec = described(go2, actuators="motor")
     for joint in go2.joints:
-        spec.add_actuator(name=f"servo {joint}", target=joint, trntype=0, group=3).set_to_position(kp=10.0)
+        spec.add_actuator(name=f"servo {joint}", target=joint, trntype=0, group=3).set_to_position(
+            kp=10.0
+        )
     spec.option.disableactuator = 1 << 3
     model = spec.compile()
     data = mujoco.MjData(model)
     MujocoBridge(model, go2).write(hp.Command(np.full(12, 6.0)), data)
     np.testing.assert_allclose(data.ctrl, [*[2.0] * 12, *[0.0] * 12])
     model.opt.disableactuator = 1 | 1 << 3
-    with pytest.raises(InputError, match="no actuator of the MuJoCo model drives a joint of the robot, or"):
+    with pytest.raises(
+        InputError, match="no actuator of the MuJoCo model drives a joint of the robot, or"
+    ):
         MujocoBridge(model, go2)
     model.opt.disableactuator, model.actuator_group[3] = 1 << 3, 3
     with pytest.raises(InputError, match="'FR_hip_joint' has no actuators that are enabled"):
@@ -301,9 +334,13 @@ def test_a_weld_of_something_else_holds_no_robot(go2):
 def test_tendons_that_couple_joints_are_refused(go2):
     def change(spec):
         tendon(spec)
-        spec.add_equality(type=mujoco.mjtEq.mjEQ_TENDON, name1="band", objtype=mujoco.mjtObj.mjOBJ_TENDON)
+        spec.add_equality(
+            type=mujoco.mjtEq.mjEQ_TENDON, name1="band", objtype=mujoco.mjtObj.mjOBJ_TENDON
+        )
 
-    with pytest.raises(InputError, match="<tendon> of the MuJoCo model holds the robot: closed loops and couplings"):
+    with pytest.raises(
+        InputError, match="<tendon> of the MuJoCo model holds the robot: closed loops and couplings"
+    ):
         changed(go2, change)
 
 

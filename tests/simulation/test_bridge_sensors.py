@@ -18,11 +18,15 @@ SITE = mujoco.mjtObj.mjOBJ_SITE
 
 
 def sensing(robot, *, body="base", kinds=(GYROSCOPE, ACCELEROMETER), apart=0.0, off=False, **how):
-    """Go2 in MuJoCo, with sensors at a site of a body; the last one is made so, or all are disabled."""
+    """Go2 in MuJoCo, with sensors at a site of a body; the last one is made so, or all are
+    disabled.
+    """
     spec = described(robot, actuators="motor")
     x, y, z, w = pin.Quaternion(pin.rpy.rpyToMatrix(*TURN)).coeffs()
     for n, kind in enumerate(kinds):
-        spec.body(body).add_site(name=f"unit_{n}", pos=PLACE + np.array([n * apart, 0, 0]), quat=(w, x, y, z))
+        spec.body(body).add_site(
+            name=f"unit_{n}", pos=PLACE + np.array([n * apart, 0, 0]), quat=(w, x, y, z)
+        )
         sensor = spec.add_sensor(name=f"sensor_{n}", type=kind, objtype=SITE, objname=f"unit_{n}")
     for name, value in how.items():
         setattr(sensor, name, value)
@@ -65,8 +69,14 @@ def test_a_robot_stands_on_what_the_models_sensors_say():
         ({"body": "FL_calf"}, "no gyroscope"),
         ({"apart": 0.1}, "apart"),
         ({"off": True}, "no gyroscope"),
-        ({"delay": 0.01, "nsample": 20}, "accelerometer 'sensor_1' of the MuJoCo model has a delay or an interval"),
-        ({"interval": (0.01, 0.0), "nsample": 4}, "accelerometer 'sensor_1' of the MuJoCo model has a delay or an"),
+        (
+            {"delay": 0.01, "nsample": 20},
+            "accelerometer 'sensor_1' of the MuJoCo model has a delay or an interval",
+        ),
+        (
+            {"interval": (0.01, 0.0), "nsample": 4},
+            "accelerometer 'sensor_1' of the MuJoCo model has a delay or an",
+        ),
     ],
 )
 def test_sensors_that_are_no_inertial_unit(how, what):

@@ -20,7 +20,9 @@ HEADINGS = (0.0, 0.5 * np.pi, np.pi, -0.5 * np.pi)
 
 
 def rotation(slope: float, heading: float) -> np.ndarray:
-    """The smallest rotation from the vertical to the normal of a plane that rises along the heading."""
+    """The smallest rotation from the vertical to the normal of a plane that rises along the
+    heading.
+    """
     axis = np.array([np.sin(heading), -np.cos(heading), 0.0])
     return pin.exp3(slope * axis)
 
@@ -30,7 +32,10 @@ def place(simulator: Simulator, x: float = 0.0, y: float = 0.0) -> None:
     terrain = simulator.ground.surface
     q = pin.neutral(simulator.robot.model)
     normal = terrain.normal(x, y)
-    q[:3] = np.array([x, y, float(terrain.height(x, y))]) - MASS * G * normal[2] / simulator.ground.stiffness * normal
+    q[:3] = (
+        np.array([x, y, float(terrain.height(x, y))])
+        - MASS * G * normal[2] / simulator.ground.stiffness * normal
+    )
     simulator.reset(q, np.zeros(6))
 
 
@@ -57,19 +62,25 @@ def test_a_robot_moves_as_on_flat_ground_under_tilted_gravity(robot, cone, slope
         tilted.advance(Command(torque, thrust @ r.T))
         np.testing.assert_allclose(tilted.v, flat.v, atol=1e-7)
         np.testing.assert_allclose(tilted.state.foot_force, flat.state.foot_force @ r.T, atol=1e-5)
-    np.testing.assert_allclose(tilted.state.foot_position, flat.state.foot_position @ r.T, atol=1e-9)
+    np.testing.assert_allclose(
+        tilted.state.foot_position, flat.state.foot_position @ r.T, atol=1e-9
+    )
     np.testing.assert_allclose(tilted.slip_path, flat.slip_path, atol=1e-9)
     np.testing.assert_allclose(tilted.slip_net, flat.slip_net, atol=1e-9)
     assert flat.slip_path.max() > 1e-3
 
 
 def test_a_tread_is_flat_ground_that_is_higher(sled):
-    """On the tread of a stair the block moves as on flat ground, digit for digit but for the height."""
+    """On the tread of a stair the block moves as on flat ground, digit for digit but for the
+    height.
+    """
     stairs = Stairs(rise=0.125, depth=0.5, start=-0.25)
     on = Simulator(sled, hp.Ground(terrain=stairs))
     flat = Simulator(sled, hp.Ground())
     for simulator, height in ((flat, 0.0), (on, 0.125)):
-        put(simulator, z=height + 0.01, v=(0.2, 0.1, 0.0, 0.0, 0.0, 0.0)).advance(NOTHING, steps=1000)
+        put(simulator, z=height + 0.01, v=(0.2, 0.1, 0.0, 0.0, 0.0, 0.0)).advance(
+            NOTHING, steps=1000
+        )
     np.testing.assert_allclose(on.v, flat.v, atol=1e-12)
     np.testing.assert_allclose(on.q[:2], flat.q[:2], atol=1e-12)
     assert on.q[2] - flat.q[2] == pytest.approx(0.125, abs=1e-12)
@@ -77,13 +88,18 @@ def test_a_tread_is_flat_ground_that_is_higher(sled):
 
 
 def test_it_slides_down_a_ramp_and_stops_behind_it(sled):
-    """The energy of the height is what friction takes on the ramp and behind it, where nothing else takes any.
+    """The energy of the height is what friction takes on the ramp and behind it, where nothing else
+    takes any.
 
     The edge at the foot of the ramp takes the velocity's part across the level ground besides.
     """
     slope, length = 0.5, 1.0
     ground = hp.Ground(
-        mu_s=0.3, mu_c=0.3, mu_v=0.0, stiffness=1e5, terrain=Ramp(slope=-slope, start=0.0, length=length)
+        mu_s=0.3,
+        mu_c=0.3,
+        mu_v=0.0,
+        stiffness=1e5,
+        terrain=Ramp(slope=-slope, start=0.0, length=length),
     )
     simulator = Simulator(sled, ground, dt=1e-4)
     place(simulator, x=0.01)
@@ -91,13 +107,17 @@ def test_it_slides_down_a_ramp_and_stops_behind_it(sled):
     assert np.linalg.norm(simulator.v) < 1e-9
     drop = np.tan(slope) * (length - 0.01)
     squared = 2 * G * (drop - 0.3 * (length - 0.01))  # of the speed at the foot of the ramp
-    landed = squared * (np.cos(slope) - 0.3 * np.sin(slope)) ** 2  # the impulse of the edge has friction, too
+    landed = (
+        squared * (np.cos(slope) - 0.3 * np.sin(slope)) ** 2
+    )  # the impulse of the edge has friction, too
     assert simulator.q[0] - length == pytest.approx(landed / (2 * 0.3 * G), rel=0.05)
 
 
 def test_a_height_field_of_a_plane_is_the_plane(sled):
     x = 0.5 * np.arange(9) - 2.0
-    field = HeightField(heights=tuple(map(tuple, (np.tan(0.3) * x[:, None] + 0.0 * x).tolist())), resolution=0.5)
+    field = HeightField(
+        heights=tuple(map(tuple, (np.tan(0.3) * x[:, None] + 0.0 * x).tolist())), resolution=0.5
+    )
     ends = []
     for terrain in (Plane(slope=0.3), field):
         simulator = Simulator(sled, hp.Ground(mu_s=MU, terrain=terrain))
@@ -137,9 +157,15 @@ def test_all_plants_have_the_same_stairs(sled):
     stairs = Stairs(rise=0.1, depth=0.4, steps=3, start=0.0)
     for kind in (Simulator, PinocchioPlant, MujocoPlant):
         for step in range(3):
-            plant = put(kind(sled, hp.Ground(terrain=stairs)), x=0.4 * step + 0.2, z=0.1 * (step + 1) + 0.005)
+            plant = put(
+                kind(sled, hp.Ground(terrain=stairs)),
+                x=0.4 * step + 0.2,
+                z=0.1 * (step + 1) + 0.005,
+            )
             plant.advance(NOTHING, steps=4000)
-            assert plant.q[2] == pytest.approx(0.1 * (step + 1) - plant.static_penetration, abs=1e-6)
+            assert plant.q[2] == pytest.approx(
+                0.1 * (step + 1) - plant.static_penetration, abs=1e-6
+            )
             assert plant.q[0] == pytest.approx(0.4 * step + 0.2, abs=1e-6)
 
 

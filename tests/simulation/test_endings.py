@@ -137,7 +137,12 @@ def test_telemetry_that_changes_is_a_control_error_with_the_log(robot, values):
 
 def test_telemetry_is_logged(robot):
     simulator, _ = standing(robot)
-    script = telemetry([{"gain": 1, "row": [1.0, 2.0], "flag": True}, {"gain": 2.5, "row": [1.0, 2.0], "flag": False}])
+    script = telemetry(
+        [
+            {"gain": 1, "row": [1.0, 2.0], "flag": True},
+            {"gain": 2.5, "row": [1.0, 2.0], "flag": False},
+        ]
+    )
     script.describe = lambda: {"tuned": "by hand"}
     run = simulator.run(script, 0.01)
     np.testing.assert_array_equal(run["row"], [[1.0, 2.0]] * 10)
@@ -184,7 +189,9 @@ def test_bad_settings_are_named(robot, name, values):
 def test_robot_without_feet_falls_through_the_ground(robot):
     simulator = Simulator(hp.load_robot(robot.urdf, feet=()), dt=1e-3)
     q = pin.neutral(robot.model)
-    q[7:] = 0.5 * (robot.model.lowerPositionLimit + robot.model.upperPositionLimit)[7:]  # no joint is at its end
+    q[7:] = (
+        0.5 * (robot.model.lowerPositionLimit + robot.model.upperPositionLimit)[7:]
+    )  # no joint is at its end
     simulator.reset(q, np.zeros(12))
     simulator.advance(Command(np.zeros(6), np.zeros((0, 3))), steps=100)
     centre = pin.centerOfMass(robot.model, robot.model.createData(), simulator.q)

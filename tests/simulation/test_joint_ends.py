@@ -12,7 +12,9 @@ PLANTS = [hp.Simulator, hp.simulation.PinocchioPlant]
 
 @pytest.mark.parametrize("side", [1.0, -1.0])
 def test_a_joint_swings_back_from_its_end_as_a_critically_damped_spring(side):
-    """x(t) = (x₀ + (ẋ₀ + ω x₀) t) exp(−ω t) while the spring pushes; it never pulls, and inside nothing is felt."""
+    """x(t) = (x₀ + (ẋ₀ + ω x₀) t) exp(−ω t) while the spring pushes; it never pulls, and inside
+    nothing is felt.
+    """
     robot, inertia, h = hp.load_harpy(), 0.02, 1e-7
     record = joint_ends_record(robot, 1e-3)
     omega, ends = 200.0, record["upper" if side > 0.0 else "lower"][0]
@@ -38,7 +40,9 @@ def test_a_joint_swings_back_from_its_end_as_a_critically_damped_spring(side):
 @pytest.mark.parametrize("plant", PLANTS)
 @needs_robots
 def test_a_motor_does_not_drive_a_joint_through_its_end(plant):
-    """In the air, without weight, under a tenth of the largest torque; with ends far away it goes on."""
+    """In the air, without weight, under a tenth of the largest torque; with ends far away it goes
+    on.
+    """
     robot, wide = hp.load_robot("go2"), hp.load_robot("go2")
     wide.model.upperPositionLimit[7:], wide.model.lowerPositionLimit[7:] = 1e3, -1e3
     end, reached = robot.joint_upper[0], []
@@ -46,7 +50,9 @@ def test_a_motor_does_not_drive_a_joint_through_its_end(plant):
         simulator = plant(one, gravity=(0.0, 0.0, 0.0))
         q = hp.Standing(robot).initial_state()[0] + 2.0 * np.eye(robot.model.nq)[2]
         simulator.reset(q, np.zeros(robot.model.nv))
-        command = hp.Command(0.1 * robot.torque_limit * np.eye(len(robot.joints))[0], np.zeros((0, 3)))
+        command = hp.Command(
+            0.1 * robot.torque_limit * np.eye(len(robot.joints))[0], np.zeros((0, 3))
+        )
         simulator.advance(command, steps=600)
         reached.append(simulator.q[7])
     assert abs(reached[0] - end) < 0.05

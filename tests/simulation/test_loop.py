@@ -12,12 +12,17 @@ import harpy_pin as hp
 from harpy_pin.errors import Interrupted
 
 FOLDER = Path(hp.__file__).parent
-OWN = {str(FOLDER / f"{name}.py") for name in ("simulation/loop", "simulation/ticks", "log/recorder", "log/journal")}
+OWN = {
+    str(FOLDER / f"{name}.py")
+    for name in ("simulation/loop", "simulation/ticks", "log/recorder", "log/journal")
+}
 
 
 @pytest.mark.parametrize("compiled", [False, True])
 def test_an_interrupt_at_any_call_keeps_every_tick_once(tmp_path, compiled):
-    """Wherever Python may receive it in the loop or the log: as a function begins, or after one of C."""
+    """Wherever Python may receive it in the loop or the log: as a function begins, or after one of
+    C.
+    """
     robot = hp.load_harpy()
     gait, simulator = hp.make_gait(robot), hp.Simulator(robot)
     controller = hp.make_controller("condensed", gait, mu=0.5)
@@ -36,14 +41,21 @@ def test_an_interrupt_at_any_call_keeps_every_tick_once(tmp_path, compiled):
         controller.reset()
         sys.setprofile(press)
         try:
-            return simulator.run(controller, 3e-3, on_tick=None if compiled else lambda state: None, save=save)
+            return simulator.run(
+                controller, 3e-3, on_tick=None if compiled else lambda state: None, save=save
+            )
         finally:
             sys.setprofile(None)
 
     handler, path = signal.getsignal(signal.SIGINT), tmp_path / "run.npz"
     whole = walk(path)
-    seen = list(places)  # a line that is reached several times is interrupted the first and the last time
-    first, last = {place: n for n, place in reversed([*enumerate(seen)])}, {place: n for n, place in enumerate(seen)}
+    seen = list(
+        places
+    )  # a line that is reached several times is interrupted the first and the last time
+    first, last = (
+        {place: n for n, place in reversed([*enumerate(seen)])},
+        {place: n for n, place in enumerate(seen)},
+    )
     for moment in sorted({*first.values(), *last.values()}):
         path.unlink(missing_ok=True)
         try:

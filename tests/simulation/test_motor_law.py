@@ -23,15 +23,21 @@ STIFFNESS, DAMPING = 60.0, 1.5
 
 
 class Springs:
-    """Springs about the standing posture, by the motors' law or by torques that are made anew at each tick."""
+    """Springs about the standing posture, by the motors' law or by torques that are made anew at
+    each tick.
+    """
 
-    def __init__(self, robot: hp.Robot, *, law: bool, period: float, damping: float = DAMPING) -> None:
+    def __init__(
+        self, robot: hp.Robot, *, law: bool, period: float, damping: float = DAMPING
+    ) -> None:
         self.limit, self.law, self.period, self.damping = robot.torque_limit, law, period, damping
         self.posture = hp.Standing(robot).initial_state()[0][7:]
 
     def step(self, state: hp.State) -> hp.Command:
         if self.law:
-            return hp.Command(np.zeros(len(self.posture)), q=self.posture, k_p=STIFFNESS, k_d=self.damping)
+            return hp.Command(
+                np.zeros(len(self.posture)), q=self.posture, k_p=STIFFNESS, k_d=self.damping
+            )
         torque = STIFFNESS * (self.posture - state.q[7:]) + self.damping * (0.0 - state.v[6:])
         return hp.Command(np.clip(torque, -self.limit, self.limit))
 
@@ -50,7 +56,9 @@ def test_plants_evaluate_the_law_in_every_step(plant):
     assert law.ending == torques.ending == "completed"
     np.testing.assert_array_equal(law["q"], torques["q"])
     np.testing.assert_array_equal(law["motor_torque"][1:], torques["torque"][:-1])
-    assert hp.measure(law).joint_power_w == pytest.approx(hp.measure(torques).joint_power_w, rel=1e-2)
+    assert hp.measure(law).joint_power_w == pytest.approx(
+        hp.measure(torques).joint_power_w, rel=1e-2
+    )
     assert np.ptp(law["q"][:, 1]) > 1e-3  # it was pushed
     assert law["motor_law"].shape == (len(law["t"]), 4, 12)
     assert (law["motor_law"][:, 2] == STIFFNESS).all()
@@ -60,7 +68,9 @@ def test_plants_evaluate_the_law_in_every_step(plant):
 @needs_robots
 def test_a_slow_controller_may_have_stiff_motors():
     """Damping that is unstable when a controller gives it every 20 ms is none in the motors."""
-    law, torques = (stand(hp.Simulator, law=by_law, period=0.02, damping=4.0) for by_law in (True, False))
+    law, torques = (
+        stand(hp.Simulator, law=by_law, period=0.02, damping=4.0) for by_law in (True, False)
+    )
     assert np.abs(law["v"][-5:]).max() < 0.5
     assert torques.ending != "completed" or np.abs(torques["v"][-5:]).max() > 5.0
 
@@ -81,7 +91,9 @@ def test_the_law_is_the_formula_within_the_peak_torque(law, state):
     law[2:] = np.abs(law[2:])
     q, v = np.r_[np.zeros(7), state[:2]], np.r_[np.zeros(6), state[2:]]
     torque = np.array([1.0, -1.0]) + law[2] * (law[0] - q[7:]) + law[3] * (law[1] - v[6:])
-    np.testing.assert_allclose(driven(law, q, v), np.clip(torque, -8.0, 8.0), rtol=1e-12, atol=1e-12)
+    np.testing.assert_allclose(
+        driven(law, q, v), np.clip(torque, -8.0, 8.0), rtol=1e-12, atol=1e-12
+    )
 
 
 @given(st.floats(-20.0, 20.0), st.floats(-20.0, 20.0))

@@ -12,7 +12,18 @@ from random_trees import BODIES, random_model, random_state
 from scipy.integrate import solve_ivp
 
 import harpy_pin as hp
-from harpy_pin import Command, Disturbances, Governed, Ground, InputError, Mujoco, Push, Robot, Scenario, Simulator
+from harpy_pin import (
+    Command,
+    Disturbances,
+    Governed,
+    Ground,
+    InputError,
+    Mujoco,
+    Push,
+    Robot,
+    Scenario,
+    Simulator,
+)
 from harpy_pin.model.catalogue import CATALOGUE
 from harpy_pin.simulation.mujoco import PRESETS, MujocoModel, MujocoPlant, preset_ground
 from harpy_pin.simulation.mujoco import mujoco_plant as plant_module
@@ -50,11 +61,15 @@ def mass_matrix(model, data):
 
 def walked(plant="compliant", *, friction=0.8, controller=UNGOVERNED, duration=3.0, **more):
     ground = Ground(mu_s=friction)
-    return hp.walk(Scenario(controller=controller, plant=plant, ground=ground, duration=duration, **more))
+    return hp.walk(
+        Scenario(controller=controller, plant=plant, ground=ground, duration=duration, **more)
+    )
 
 
 def test_robot_is_the_one_that_mujoco_reads_itself(robot, draw_state):
-    """MuJoCo's own reading of the URDF has the same mass matrix and the same feet at any configuration."""
+    """MuJoCo's own reading of the URDF has the same mass matrix and the same feet at any
+    configuration.
+    """
     spec = mujoco.MjSpec.from_file(str(robot.urdf))
     spec.compiler.discardvisual = True
     spec.bodies[1].add_freejoint()
@@ -69,22 +84,30 @@ def test_robot_is_the_one_that_mujoco_reads_itself(robot, draw_state):
         q, v = draw_state(rng)
         ours.reset(q, v)
         other.qpos[:] = np.concatenate((q[:3], q[[6, 3, 4, 5]], q[7:]))
-        np.testing.assert_allclose(mass_matrix(ours.model, ours.data), mass_matrix(own, other), rtol=0, atol=1e-12)
+        np.testing.assert_allclose(
+            mass_matrix(ours.model, ours.data), mass_matrix(own, other), rtol=0, atol=1e-12
+        )
         feet = hp.Dynamics(robot)
         feet.update(q, v)
-        np.testing.assert_allclose(ours.data.geom_xpos[ours.feet], feet.foot_position, rtol=0, atol=1e-12)
+        np.testing.assert_allclose(
+            ours.data.geom_xpos[ours.feet], feet.foot_position, rtol=0, atol=1e-12
+        )
 
 
 @pytest.mark.parametrize("seed", range(5))
 def test_state_of_any_tree_comes_back_and_means_the_same(seed):
-    """Every kind of joint, in any order: the state returns, and the frames and energies are Pinocchio's."""
+    """Every kind of joint, in any order: the state returns, and the frames and energies are
+    Pinocchio's.
+    """
     model, rng = random_model(seed)
     for i in range(1, BODIES + 1):
         body = model.inertias[i]
         model.inertias[i] = pin.Inertia(
             body.mass, body.lever, pin.Inertia.FromBox(body.mass, *rng.uniform(0.1, 1.0, 3)).inertia
         )
-    model.addFrame(pin.Frame("tip", BODIES, 0, pin.SE3(np.eye(3), rng.normal(size=3)), pin.FrameType.OP_FRAME))
+    model.addFrame(
+        pin.Frame("tip", BODIES, 0, pin.SE3(np.eye(3), rng.normal(size=3)), pin.FrameType.OP_FRAME)
+    )
     robot = Robot(model, hp.load_harpy().urdf, ("tip",), (), np.inf)
     inside = MujocoModel(robot, friction=1.0, dt=1e-3, gravity=G, foot_radius=1e-4)
     q, v = random_state(model, rng)
@@ -98,7 +121,9 @@ def test_state_of_any_tree_comes_back_and_means_the_same(seed):
     for i in range(1, BODIES + 1):
         body = inside.data.body(f"body:{model.names[i]}")
         np.testing.assert_allclose(body.xpos, data.oMi[i].translation, rtol=0, atol=1e-12)
-        np.testing.assert_allclose(body.xmat.reshape(3, 3), data.oMi[i].rotation, rtol=0, atol=1e-12)
+        np.testing.assert_allclose(
+            body.xmat.reshape(3, 3), data.oMi[i].rotation, rtol=0, atol=1e-12
+        )
     full = mass_matrix(inside.model, inside.data)
     energy = 0.5 * inside.data.qvel @ full @ inside.data.qvel
     assert energy == pytest.approx(0.5 * v @ pin.crba(model, model.createData(), q) @ v, rel=1e-12)
@@ -126,7 +151,8 @@ def test_every_robot_of_the_catalogue_accelerates_as_pinocchio_says():
         matrix += np.triu(matrix, 1).T
         force = matrix @ own_v + pin.nle(model, data, q, v) + model.damping * v
         given = np.concatenate((np.zeros(6), torque))
-        # A link of icub has no inertia of its own; MuJoCo's copy has the least that it takes, a few times.
+        # A link of icub has no inertia of its own; MuJoCo's copy has the least that it takes, a few
+        # times.
         tolerance = 1e-11 * np.abs(matrix * own_v).max() + 4.0 * MIN_INERTIA * np.abs(own_v).max()
         np.testing.assert_allclose(force, given, rtol=0, atol=tolerance, err_msg=name)
 
@@ -164,7 +190,9 @@ def test_presets_have_the_stiffness_and_damping_they_state(sled, preset):
         return [y[1], -9.81 + force / mass]
 
     times = np.linspace(0.0, 0.1, 26)
-    exact = solve_ivp(slope, (0, 0.1), [0.005, 0.0], rtol=1e-9, atol=1e-12, max_step=1e-4, t_eval=times).y.T
+    exact = solve_ivp(
+        slope, (0, 0.1), [0.005, 0.0], rtol=1e-9, atol=1e-12, max_step=1e-4, t_eval=times
+    ).y.T
     assert exact[:, 0].min() < -0.5 * mass * 9.81 / k  # it went in
     errors = []
     for dt in (4e-4, 2e-4, 1e-4):
@@ -187,7 +215,9 @@ def test_presets_have_the_stiffness_and_damping_they_state(sled, preset):
 
 @pytest.mark.parametrize("preset", PRESETS)
 def test_a_sliding_foot_is_lifted(sled, preset):
-    """MuJoCo's contact is convex: at sliding speed s the normal force has μ (d + k Δt) s beside spring and damper."""
+    """MuJoCo's contact is convex: at sliding speed s the normal force has μ (d + k Δt) s beside
+    spring and damper.
+    """
     angle, mu = np.radians(20), 0.25
     ground = preset_ground(Ground(mu_s=mu), preset)
     plant = MujocoPlant(sled, ground, gravity=9.81 * np.array([np.sin(angle), 0.0, -np.cos(angle)]))
@@ -203,7 +233,9 @@ def test_a_sliding_foot_is_lifted(sled, preset):
 
 
 def roll(pole, monkeypatch, *, radius, moved):
-    """How far the foot's point goes while the pole falls by 0.4 rad about it, m, and the slip that is measured."""
+    """How far the foot's point goes while the pole falls by 0.4 rad about it, m, and the slip that
+    is measured.
+    """
     monkeypatch.setattr(plant_module, "FOOT_RADIUS", radius)
     if not moved:
         monkeypatch.setattr(MujocoPlant, "_move_contacts", lambda plant: None)
@@ -219,7 +251,9 @@ def roll(pole, monkeypatch, *, radius, moved):
 
 
 def test_feet_are_points(pole, monkeypatch):
-    """A leg that turns about its foot leaves it where it is; on a sphere of 5 mm it would roll on."""
+    """A leg that turns about its foot leaves it where it is; on a sphere of 5 mm it would roll
+    on.
+    """
     with monkeypatch.context() as patch:
         away, path = roll(pole, patch, radius=plant_module.FOOT_RADIUS, moved=True)
     assert away < 5e-5
@@ -233,7 +267,9 @@ def test_feet_are_points(pole, monkeypatch):
 
 
 def test_spheres_roll_and_that_is_no_slip(pole):
-    """A pole that falls about a sphere moves its centre by radius times angle, and its lowest point by nothing."""
+    """A pole that falls about a sphere moves its centre by radius times angle, and its lowest point
+    by nothing.
+    """
     radius = 0.02
     plant = MujocoPlant(pole, Ground(mu_s=1.0), foot_radius=radius)
     q, v = pin.neutral(pole.model), np.zeros(6)
@@ -244,7 +280,8 @@ def test_spheres_roll_and_that_is_no_slip(pole):
     while plant.q[4] < np.sin(0.1):
         plant.advance(NOTHING)
     angle = 2.0 * np.arcsin(plant.q[4])
-    # A contact lies half-way between plane and sphere, so that it rolls over half the penetration less.
+    # A contact lies half-way between plane and sphere, so that it rolls over half the penetration
+    # less.
     assert plant.state.foot_position[0, 0] - start == pytest.approx(radius * angle, rel=0.1)
     assert plant.slip_path[0] < 0.02 * radius * angle
     still = MujocoPlant(pole, Ground(mu_s=1.0), foot_radius=radius)
@@ -253,7 +290,9 @@ def test_spheres_roll_and_that_is_no_slip(pole):
     assert still.slip_path[0] > 0.0
 
 
-@pytest.mark.parametrize("controller", [hp.Governed(), hp.Governed(governor="filter"), hp.Condensed(), hp.WholeBody()])
+@pytest.mark.parametrize(
+    "controller", [hp.Governed(), hp.Governed(governor="filter"), hp.Condensed(), hp.WholeBody()]
+)
 def test_walks_agree_with_ours(controller):
     """Distance within 5 %, mean normal force within 3 %, of our plant on the same ground."""
     ours = walked(friction=0.25, controller=controller, duration=2.0)
@@ -266,14 +305,18 @@ def test_walks_agree_with_ours(controller):
         normals = [run["foot_force"][:, :, 2].sum(axis=1).mean() for run in (ours, theirs)]
         assert normals[1] == pytest.approx(normals[0], rel=0.03)
         force = theirs["foot_force"]
-        assert np.all(np.hypot(force[..., 0], force[..., 1]) <= 0.25 * force[..., 2] * (1.0 + 1e-5) + 1e-6)
+        assert np.all(
+            np.hypot(force[..., 0], force[..., 1]) <= 0.25 * force[..., 2] * (1.0 + 1e-5) + 1e-6
+        )
 
 
 def test_logged_forces_are_those_that_move_the_robot(robot):
     """Newton for the whole: the momentum changes by what is logged, step by step."""
     dt = 2.5e-4
     push = Push(0.3, (0.0, 0.5, 0.0))
-    run = walked("mujoco", duration=0.6, dt=dt, period=dt, disturbances=Disturbances(pushes=(push,)))
+    run = walked(
+        "mujoco", duration=0.6, dt=dt, period=dt, disturbances=Disturbances(pushes=(push,))
+    )
     model, data = robot.model, robot.model.createData()
     momentum = []
     for q, v in zip(run["q"], run["v"], strict=True):
@@ -318,7 +361,9 @@ def test_everything_of_a_scenario_works_and_walks_again(tmp_path):
     assert loaded.metadata["plant"]["name"] == "mujoco"
     assert loaded.metadata["plant"]["version"] == mujoco.__version__
     assert loaded.metadata["ground"]["stiffness"] == 80e3
-    assert loaded.metadata["mass"] == pytest.approx(hp.build(scenario).simulator.model.body_mass.sum())
+    assert loaded.metadata["mass"] == pytest.approx(
+        hp.build(scenario).simulator.model.body_mass.sum()
+    )
     # Each of them matters.
     disturbances = (
         {"mass_error": 0.0},
@@ -327,9 +372,13 @@ def test_everything_of_a_scenario_works_and_walks_again(tmp_path):
         {"noise": hp.Noise()},
         {"delay": 0.0},
     )
-    changes = [{"disturbances": replace(scenario.disturbances, **change)} for change in disturbances]
+    changes = [
+        {"disturbances": replace(scenario.disturbances, **change)} for change in disturbances
+    ]
     for change in (*changes, {"plant": Mujoco("soft")}, {"plant": "compliant"}):
-        assert not np.array_equal(hp.walk(replace(scenario, **change))["q"][-1], run["q"][-1]), change
+        assert not np.array_equal(hp.walk(replace(scenario, **change))["q"][-1], run["q"][-1]), (
+            change
+        )
 
 
 def test_what_mujoco_cannot_do_is_refused(robot, monkeypatch):
@@ -339,11 +388,17 @@ def test_what_mujoco_cannot_do_is_refused(robot, monkeypatch):
     with pytest.raises(InputError, match="reset"):
         plant.advance(Command(np.zeros(6), np.zeros((2, 3))))
     plant.reset(pin.neutral(robot.model), np.zeros(12))
-    for bad in (Command(np.full(6, np.nan), np.zeros((2, 3))), Command(np.zeros(5), np.zeros((2, 3))), None):
+    for bad in (
+        Command(np.full(6, np.nan), np.zeros((2, 3))),
+        Command(np.zeros(5), np.zeros((2, 3))),
+        None,
+    ):
         with pytest.raises(InputError, match="torque"):
             plant.advance(bad)
     before = plant.q.copy()
-    plant.advance(Command([0, 0, 0, 0, 0, 0], [[0, 0, 1], [0, 0, 1]]))  # lists of whole numbers are numbers
+    plant.advance(
+        Command([0, 0, 0, 0, 0, 0], [[0, 0, 1], [0, 0, 1]])
+    )  # lists of whole numbers are numbers
     assert not np.array_equal(plant.q, before)
     monkeypatch.setitem(sys.modules, "mujoco", None)
     with pytest.raises(InputError, match="pip install"):

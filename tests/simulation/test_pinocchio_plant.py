@@ -1,4 +1,6 @@
-"""The plant by Pinocchio's ABA: its force law as printed, its steps, and the same walks as in the other plants."""
+"""The plant by Pinocchio's ABA: its force law as printed, its steps, and the same walks as in the
+other plants.
+"""
 
 from __future__ import annotations
 
@@ -60,9 +62,13 @@ def test_force_is_e1_and_e2(height, along, across, up, mu):
     assert found[2] == pytest.approx(normal, rel=1e-12, abs=1e-12)
     speed = hypot(along, across)
     most = friction_as_printed(speed, normal, ground) if normal > 0.0 else 0.0
-    assert hypot(*found[:2]) == pytest.approx(most * speed / hypot(speed, tolerance), rel=1e-9, abs=1e-12)
+    assert hypot(*found[:2]) == pytest.approx(
+        most * speed / hypot(speed, tolerance), rel=1e-9, abs=1e-12
+    )
     assert found[:2] @ (along, across) <= 0.0
-    assert abs(found[0] * across - found[1] * along) <= 1e-9 * (1.0 + most)  # straight against the motion
+    assert abs(found[0] * across - found[1] * along) <= 1e-9 * (
+        1.0 + most
+    )  # straight against the motion
     assert hypot(*found[:2]) <= mu * normal + ground.mu_v * speed + 1e-12
     if height > 0.0:
         np.testing.assert_array_equal(found, 0.0)
@@ -79,15 +85,21 @@ def test_each_axis_apart_is_a_box(height, along, across, up):
 
 
 def test_a_foot_holds_nearly_all_of_the_static_friction():
-    """The figure of the page: 0.96 of μ_s, where the smooth friction is largest, at the default tolerance."""
+    """The figure of the page: 0.96 of μ_s, where the smooth friction is largest, at the default
+    tolerance.
+    """
     ground = Ground(mu_v=0.0)
-    held = max(abs(force(-1e-3, (s, 0.0, 0.0), ground, 1e-3)[0]) for s in np.linspace(1e-4, 0.02, 400))
+    held = max(
+        abs(force(-1e-3, (s, 0.0, 0.0), ground, 1e-3)[0]) for s in np.linspace(1e-4, 0.02, 400)
+    )
     assert held / (ground.mu_s * ground.stiffness * 1e-3) == pytest.approx(0.96, abs=0.003)
 
 
 @pytest.mark.parametrize("stages", [1, 2, 3, 8, 21])
 def test_a_step_is_the_polynomial_of_legendre(stages):
-    """On ẏ = −λ y a step multiplies by P_s(1 − 2 λ h / (s (s + 1))), which is within 1 up to λ h = s (s + 1)."""
+    """On ẏ = −λ y a step multiplies by P_s(1 − 2 λ h / (s (s + 1))), which is within 1 up to λ h =
+    s (s + 1).
+    """
     most, polynomial = stages * (stages + 1), Legendre.basis(stages)
     for x in np.linspace(0.0, most, 50):
         (found,) = legendre_step(lambda y, x=x: -x * y, np.ones(1), 1.0, stages)
@@ -117,7 +129,10 @@ def test_flight_converges_to_pinocchio(robot):
         tau = np.concatenate((np.zeros(6), command.torque)) - model.damping * v
         for name, thrust in zip(robot.thrusters, command.thrust, strict=True):
             frame = robot.frame_id(name)
-            tau += pin.computeFrameJacobian(model, data, q, frame, pin.LOCAL_WORLD_ALIGNED)[:3].T @ thrust
+            tau += (
+                pin.computeFrameJacobian(model, data, q, frame, pin.LOCAL_WORLD_ALIGNED)[:3].T
+                @ thrust
+            )
         return pin.aba(model, data, q, v, tau)
 
     exact, exact_v, h = q, v, 2e-5
@@ -138,7 +153,9 @@ def test_flight_converges_to_pinocchio(robot):
 
 @needs_robots
 def test_rotors_lift_and_turn_as_in_the_other_plant():
-    """Thrust along tilted axes, with drag: the gap of two integrators of first order halves with the step."""
+    """Thrust along tilted axes, with drag: the gap of two integrators of first order halves with
+    the step.
+    """
     robot = hp.load_robot("hextilt")
     rng, gaps = np.random.default_rng(2), []
     q, v = hp.Hovering(robot).initial_state()
@@ -159,7 +176,9 @@ def test_rotors_lift_and_turn_as_in_the_other_plant():
 
 
 def test_energy_of_flight_stays(robot):
-    """Kinetic and potential energy of a robot that tumbles with swinging legs; what is gained halves with the step."""
+    """Kinetic and potential energy of a robot that tumbles with swinging legs; what is gained
+    halves with the step.
+    """
     free = robot.with_joints(damping=np.zeros(6))
     model, data = free.model, free.model.createData()
     q, v = hp.make_gait(robot).initial_state()
@@ -184,7 +203,9 @@ def test_a_fall_follows_spring_and_damper_and_rests_as_deep_as_they_say(sled):
         return [y[1], -G + normal_as_printed(y[0], y[1], ground) / MASS]
 
     times = np.linspace(0.0, 0.1, 26)
-    exact = solve_ivp(slope, (0, 0.1), [0.005, 0.0], rtol=1e-9, atol=1e-12, max_step=1e-4, t_eval=times).y.T
+    exact = solve_ivp(
+        slope, (0, 0.1), [0.005, 0.0], rtol=1e-9, atol=1e-12, max_step=1e-4, t_eval=times
+    ).y.T
     assert exact[:, 0].min() < -0.5 * MASS * G / k  # it went in
     errors = []
     for dt in (4e-4, 2e-4, 1e-4):
@@ -219,7 +240,9 @@ def test_a_foot_that_slides_does_so_as_coulomb_says(sled):
     gravity = G * np.array([np.sin(angle), 0.0, -np.cos(angle)])
     plant = put(PinocchioPlant(sled, Ground(**COULOMB), gravity=gravity), v=(0.3, 0, 0, 0, 0, 0))
     plant.advance(NOTHING, steps=400)
-    assert plant.v[0] == pytest.approx(0.3 + G * (np.sin(angle) - 0.25 * np.cos(angle)) * 0.2, rel=1e-4)
+    assert plant.v[0] == pytest.approx(
+        0.3 + G * (np.sin(angle) - 0.25 * np.cos(angle)) * 0.2, rel=1e-4
+    )
 
 
 def test_a_slope_is_tilted_gravity(sled):
@@ -237,10 +260,14 @@ def test_a_slope_is_tilted_gravity(sled):
 
 def test_strips_are_felt(sled):
     """A sled that glides from a strip of ice onto soft ground: forces as the strips say."""
-    ground = Ground(mu_s=0.5, friction_strips=((0.0, 0.1, 0.0),), stiffness_strips=((0.1, 9.0, 2000.0),))
+    ground = Ground(
+        mu_s=0.5, friction_strips=((0.0, 0.1, 0.0),), stiffness_strips=((0.1, 9.0, 2000.0),)
+    )
     plant = put(PinocchioPlant(sled, ground), x=0.02, v=(0.5, 0, 0, 0, 0, 0))
     plant.advance(NOTHING, steps=100)
-    assert plant.state.foot_force[0, 0] == pytest.approx(-0.85 * plant.v[0], rel=1e-3)  # viscous alone
+    assert plant.state.foot_force[0, 0] == pytest.approx(
+        -0.85 * plant.v[0], rel=1e-3
+    )  # viscous alone
     plant.advance(NOTHING, steps=3000)
     assert plant.q[0] > 0.1
     assert plant.q[2] == pytest.approx(-MASS * G / 2000.0, rel=1e-3)
@@ -257,7 +284,9 @@ def test_a_joint_that_dry_friction_holds_creeps(robot):
     torque[2] = share * 0.4
     plant.advance(Command(torque, np.zeros((2, 3))), steps=300)
     friction = torque[2] - robot.model.damping[8] * plant.v[8]
-    assert friction == pytest.approx(0.4 * plant.v[8] / np.hypot(plant.v[8], JOINT_TOLERANCE), rel=0.02)
+    assert friction == pytest.approx(
+        0.4 * plant.v[8] / np.hypot(plant.v[8], JOINT_TOLERANCE), rel=0.02
+    )
     assert 0.0 < plant.v[8] < JOINT_TOLERANCE
 
 
@@ -292,7 +321,9 @@ def test_robots_drop_as_in_the_compliant_plant(name):
     terms = hp.Dynamics(robot)
     terms.update(q, v)
     inertia = np.diag(terms.mass_matrix)[6:]
-    command = Command(np.zeros(len(robot.joints)), q=q[7:], v=v[6:], k_p=3600.0 * inertia, k_d=60.0 * inertia)
+    command = Command(
+        np.zeros(len(robot.joints)), q=q[7:], v=v[6:], k_p=3600.0 * inertia, k_d=60.0 * inertia
+    )
     exact, gaps = Simulator(robot, ground, dt=2e-5), []
     exact.reset(q, v)
     exact.advance(command, steps=2000)
@@ -312,7 +343,9 @@ def test_robots_drop_as_in_the_compliant_plant(name):
 @pytest.mark.long
 @needs_robots
 def test_undamped_rebound_fells_go2_where_implicit_steps_damp_it():
-    """On stiff ground at 2 m/s. What decides is the damping of the compliant plant's steps, not the plant."""
+    """On stiff ground at 2 m/s. What decides is the damping of the compliant plant's steps, not the
+    plant.
+    """
     gait = hp.WalkingGait(hp.load_robot("go2"), velocity=(2.0, 0.0, 0.0), max_speed=2.0)
     ends = []
     for plant, dt in (("compliant", 5e-4), ("compliant", 2e-5), ("pinocchio", 5e-4)):
@@ -348,7 +381,9 @@ def test_stages_grow_with_what_is_stiff(robot):
     gait = hp.make_gait(robot)
 
     def evaluations(mu=0.25, tolerance=1e-3, dt=5e-4, **ground):
-        plant = PinocchioPlant(robot, Ground(mu_s=mu, **ground), dt=dt, stiction_tolerance=tolerance)
+        plant = PinocchioPlant(
+            robot, Ground(mu_s=mu, **ground), dt=dt, stiction_tolerance=tolerance
+        )
         return started(plant, gait).substeps * plant.stages
 
     usual = evaluations()
@@ -399,14 +434,21 @@ def test_everything_of_a_scenario_works_and_walks_again(tmp_path):
     assert_same(hp.walk(hp.Scenario.of(loaded)), run)
     assert run.ending == "completed"
     about = loaded.metadata["plant"]
-    assert (about["name"], about["version"], about["stiction_tolerance"]) == ("pinocchio", pin.__version__, 2e-3)
+    assert (about["name"], about["version"], about["stiction_tolerance"]) == (
+        "pinocchio",
+        pin.__version__,
+        2e-3,
+    )
     assert about["stages"] > 1
 
 
 def test_motors_hold_their_targets(robot):
     """A command with the motors' law: its torque is that of the log, and the robot stands on it."""
     run = walked(
-        plant="pinocchio", controller=hp.Condensed(parameters={"joint_stiffness": 1.0}), duration=0.1, mu_s=0.8
+        plant="pinocchio",
+        controller=hp.Condensed(parameters={"joint_stiffness": 1.0}),
+        duration=0.1,
+        mu_s=0.8,
     )
     assert run.ending == "completed"
     assert run["motor_torque"].shape == (len(run), 6)

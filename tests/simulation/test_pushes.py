@@ -15,7 +15,9 @@ IMPULSE = (0.7, -1.3, 0.4)
 
 @pytest.mark.parametrize("duration", [1e-4, 0.0123, 0.1])
 def test_the_impulse_is_whole_whatever_the_step(sled, duration):
-    """A body pushed at its centre of mass gains exactly the impulse, however the push and the steps meet."""
+    """A body pushed at its centre of mass gains exactly the impulse, however the push and the steps
+    meet.
+    """
     simulator = put(Simulator(sled, gravity=(0.0, 0.0, 0.0)), z=1.0)
     pushes = (Push(0.0102, IMPULSE, duration), Push(0.03, IMPULSE, duration))
     for _ in range(300):
@@ -28,7 +30,9 @@ def test_the_force_is_half_a_sine():
     times = np.linspace(0.95, 1.15, 401)
     share = np.array([push.share(a, b) for a, b in pairwise(times)])
     phase = np.clip((0.5 * (times[:-1] + times[1:]) - 1.0) / 0.1, 0.0, 1.0)
-    np.testing.assert_allclose(share, 0.5 * np.pi * np.sin(np.pi * phase) * (times[1] - times[0]) / 0.1, atol=1e-6)
+    np.testing.assert_allclose(
+        share, 0.5 * np.pi * np.sin(np.pi * phase) * (times[1] - times[0]) / 0.1, atol=1e-6
+    )
     assert share.sum() == pytest.approx(1.0, abs=1e-12)
 
 

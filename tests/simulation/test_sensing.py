@@ -26,9 +26,18 @@ def state_of(robot, *, t=0.0, turn=LEVEL, velocity=ZERO, spin=ZERO):
 
 
 def test_exact_sensors_of_a_known_motion():
-    """A body that turns about a fixed axis and falls freely: the unit feels its centripetal acceleration alone."""
-    robot, place, spin, period = hp.load_harpy(), np.array([0.1, -0.2, 0.05]), np.array([0.0, 0.0, 2.0]), 1e-3
-    sensing = Sensing(robot, hp.Imu(**QUIET, position=tuple(place), orientation=(0.4, 0.2, -0.7)), period=period)
+    """A body that turns about a fixed axis and falls freely: the unit feels its centripetal
+    acceleration alone.
+    """
+    robot, place, spin, period = (
+        hp.load_harpy(),
+        np.array([0.1, -0.2, 0.05]),
+        np.array([0.0, 0.0, 2.0]),
+        1e-3,
+    )
+    sensing = Sensing(
+        robot, hp.Imu(**QUIET, position=tuple(place), orientation=(0.4, 0.2, -0.7)), period=period
+    )
     axes = pin.rpy.rpyToMatrix(0.4, 0.2, -0.7)
     for n in range(3):
         turn = pin.exp3(n * period * spin)
@@ -36,7 +45,9 @@ def test_exact_sensors_of_a_known_motion():
         state = state_of(robot, turn=turn, velocity=fall, spin=spin)
         readings = sensing.read(state, np.zeros(6))
     np.testing.assert_allclose(axes @ readings.gyroscope, spin, atol=1e-9)
-    np.testing.assert_allclose(axes @ readings.accelerometer, np.cross(spin, np.cross(spin, place)), atol=1e-5)
+    np.testing.assert_allclose(
+        axes @ readings.accelerometer, np.cross(spin, np.cross(spin, place)), atol=1e-5
+    )
     np.testing.assert_array_equal(readings.joint_position, state.q[7:])
 
 

@@ -32,7 +32,9 @@ def state(robot, draw_state):
 
 @pytest.fixture(scope="module")
 def errors(robot, state):
-    """(draws, 30) what was measured less the true value: position, rotation vector, joints, their rates, forces."""
+    """(draws, 30) what was measured less the true value: position, rotation vector, joints, their
+    rates, forces.
+    """
     sensors = Sensors(robot, NOISE, seed=5)
     upright = pin.Quaternion(state.q[3:7]).matrix()
     rows = []
@@ -41,21 +43,34 @@ def errors(robot, state):
         assert np.linalg.norm(m.q[3:7]) == pytest.approx(1.0, abs=1e-12)
         turn = pin.log3(upright.T @ pin.Quaternion(m.q[3:7]).matrix())
         force = (m.foot_force - state.foot_force).ravel()
-        rows.append(np.concatenate((m.q[:3] - state.q[:3], turn, m.q[7:] - state.q[7:], m.v - state.v, force)))
+        rows.append(
+            np.concatenate(
+                (m.q[:3] - state.q[:3], turn, m.q[7:] - state.q[7:], m.v - state.v, force)
+            )
+        )
     return np.array(rows)
 
 
 def test_the_noise_has_the_stated_deviations(errors):
-    lengths = {"position": 3, "orientation": 3, "joint_position": 6, "velocity": 3, "angular_velocity": 3}
+    lengths = {
+        "position": 3,
+        "orientation": 3,
+        "joint_position": 6,
+        "velocity": 3,
+        "angular_velocity": 3,
+    }
     lengths |= {"joint_velocity": 6, "foot_force": 6}
     stated = np.repeat([getattr(NOISE, name) for name in lengths], [*lengths.values()])
-    # Of n draws, the estimate of a deviation is off by 1/sqrt(2 n), that of a mean by 1/sqrt(n): five times that.
+    # Of n draws, the estimate of a deviation is off by 1/sqrt(2 n), that of a mean by 1/sqrt(n):
+    # five times that.
     np.testing.assert_allclose(errors.std(axis=0), stated, rtol=5.0 / np.sqrt(2 * DRAWS))
     np.testing.assert_array_less(np.abs(errors.mean(axis=0)), 5.0 * stated / np.sqrt(DRAWS))
 
 
 def test_the_noise_is_white(errors):
-    """Neither the components at one tick nor those of two ticks in a row have to do with each other."""
+    """Neither the components at one tick nor those of two ticks in a row have to do with each
+    other.
+    """
     n = errors.shape[1]
     both = np.corrcoef(np.hstack((errors[:-1], errors[1:])).T)
     np.testing.assert_array_less(np.abs(both - np.eye(2 * n)), 5.5 / np.sqrt(DRAWS))
@@ -70,7 +85,9 @@ def test_feet_follow_from_what_was_measured(robot, state):
         pin.updateFramePlacements(robot.model, data)
         for k, foot in enumerate(robot.feet):
             frame = robot.frame_id(foot)
-            velocity = pin.getFrameVelocity(robot.model, data, frame, pin.LOCAL_WORLD_ALIGNED).linear
+            velocity = pin.getFrameVelocity(
+                robot.model, data, frame, pin.LOCAL_WORLD_ALIGNED
+            ).linear
             np.testing.assert_allclose(m.foot_position[k], data.oMf[frame].translation, atol=1e-12)
             np.testing.assert_allclose(m.foot_velocity[k], velocity, atol=1e-11)
             assert np.abs(m.foot_position[k] - state.foot_position[k]).max() > 1e-6
@@ -89,7 +106,9 @@ class RecordingController:
 
 
 def recorded_walk(**disturbances):
-    built = hp.build(scenario(mu_s=0.8, duration=0.03, **disturbances), controller=RecordingController)
+    built = hp.build(
+        scenario(mu_s=0.8, duration=0.03, **disturbances), controller=RecordingController
+    )
     true_states = []
     run = built.run(on_tick=lambda state: true_states.append(state.copy()))
     return run, true_states, built.controller.seen
@@ -123,7 +142,9 @@ def test_noise_and_delay_act_together():
 def test_the_log_keeps_the_true_states():
     run, true_states, seen = recorded_walk(noise=NOISE)
     np.testing.assert_array_equal(run["q"], [state.q for state in true_states])
-    np.testing.assert_array_equal(run["foot_position"], [state.foot_position for state in true_states])
+    np.testing.assert_array_equal(
+        run["foot_position"], [state.foot_position for state in true_states]
+    )
     difference = np.array([state.q for state in seen])[:, 7:] - run["q"][:, 7:]
     assert difference.std() == pytest.approx(NOISE.joint_position, rel=0.2)
 
@@ -148,7 +169,9 @@ def test_the_seed_decides_the_noise(robot, state):
 @pytest.mark.parametrize("delay", [0, 1])
 @pytest.mark.parametrize("noise", [Noise(), NOISE])
 def test_what_is_given_is_not_the_simulators(robot, state, noise, delay):
-    """A controller that writes into what it is given changes neither the true state nor its next measurement."""
+    """A controller that writes into what it is given changes neither the true state nor its next
+    measurement.
+    """
     sensors, before = Sensors(robot, noise, delay=delay), state.copy()
     first = sensors.measure(state)
     expected = first.copy()

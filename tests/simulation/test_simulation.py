@@ -21,13 +21,17 @@ def walk(controller="governed", governor="none", dt=5e-4, duration=1.5, speed=0.
 
 
 def drop_exactly(ground, height, times):
-    """The condensed controller, integrated phase by phase: in the air, going down in the ground, coming up in it."""
+    """The condensed controller, integrated phase by phase: in the air, going down in the ground,
+    coming up in it.
+    """
 
     def slope(_, y):
         inside = -ground.stiffness * y[0] - ground.damping * min(y[1], 0.0)
         return [y[1], -9.81 + (max(inside, 0.0) if y[0] <= 0.0 else 0.0) / MASS]
 
-    found = solve_ivp(slope, (0, times[-1]), [height, 0.0], rtol=1e-9, atol=1e-12, max_step=2e-4, t_eval=times)
+    found = solve_ivp(
+        slope, (0, times[-1]), [height, 0.0], rtol=1e-9, atol=1e-12, max_step=2e-4, t_eval=times
+    )
     return found.y.T
 
 
@@ -44,13 +48,18 @@ def drop(sled, ground, height, dt, times):
 
 
 GROUNDS = {k: Ground(stiffness=1e3 * k, mu_s=0.8) for k in (4, 8, 16, 40, 80)}
-"""By stiffness in kN/m, from grass to concrete under a rubber foot; the damping ratio is that of the paper's ground."""
+"""By stiffness in kN/m, from grass to concrete under a rubber foot; the damping ratio is that of
+the paper's ground.
+"""
 
 
-@pytest.mark.parametrize("ground", [*(Ground(damping=d) for d in (0.0, 40.0, 268.3)), GROUNDS[4], GROUNDS[80]])
+@pytest.mark.parametrize(
+    "ground", [*(Ground(damping=d) for d in (0.0, 40.0, 268.3)), GROUNDS[4], GROUNDS[80]]
+)
 def test_drop_converges_to_the_explicit_law_with_order_one(sled, ground):
-    """Height and velocity through touchdown, compression and rebound; mean over drop heights, as each touchdown
-    falls somewhere in a step."""
+    """Height and velocity through touchdown, compression and rebound; mean over drop heights, as
+    each touchdown falls somewhere in a step.
+    """
     times = np.linspace(0.0, 0.16, 81)
     errors = np.zeros((4, 2))
     for height in np.linspace(0.01, 0.03, 7):
@@ -87,7 +96,9 @@ def test_bouncing_never_gains_height(sled):
     for _ in range(4000):
         simulator.advance(NO_COMMAND)
         z, w = simulator.q[2], simulator.v[2]
-        energies.append(0.5 * MASS * w**2 + MASS * 9.81 * z + 0.5 * ground.stiffness * min(z, 0.0) ** 2)
+        energies.append(
+            0.5 * MASS * w**2 + MASS * 9.81 * z + 0.5 * ground.stiffness * min(z, 0.0) ** 2
+        )
     # Semi-implicit flight exchanges m g · g dt² / 2 per step at most, contact gives nothing.
     assert np.max(np.diff(energies)) <= 0.5 * MASS * 9.81**2 * 5e-4**2 + 1e-12
     assert np.max(energies) <= energies[0] + 1e-9
@@ -97,13 +108,18 @@ def test_bouncing_never_gains_height(sled):
 def test_walks_on_every_ground_converge_with_order_one(stiffness):
     ground = GROUNDS[stiffness]
     runs = [
-        hp.walk(hp.Scenario(controller=hp.Governed(governor="none"), ground=ground, dt=dt, duration=1.5))
+        hp.walk(
+            hp.Scenario(controller=hp.Governed(governor="none"), ground=ground, dt=dt, duration=1.5)
+        )
         for dt in (1e-3, 5e-4, 2.5e-4, 1.25e-4)
     ]
     assert [run.ending for run in runs] == ["completed"] * 4
     assert all(run.metadata["contact_unconverged"] == 0 for run in runs)
     for gaps in (
-        [np.abs(fine["foot_force"][:, :, 2] - coarse["foot_force"][:, :, 2]).mean() for coarse, fine in pairwise(runs)],
+        [
+            np.abs(fine["foot_force"][:, :, 2] - coarse["foot_force"][:, :, 2]).mean()
+            for coarse, fine in pairwise(runs)
+        ],
         [np.abs(fine["q"][:, :3] - coarse["q"][:, :3]).max() for coarse, fine in pairwise(runs)],
     ):
         assert gaps[1] < 0.65 * gaps[0]
@@ -123,7 +139,9 @@ def test_stance_feet_of_a_standing_robot_do_not_drift(robot, controller):
 
 
 def test_momentum_balance_of_a_walk(robot):
-    """Newton for the whole: change of momentum = gravity + contact + thrust, step by step, to order one."""
+    """Newton for the whole: change of momentum = gravity + contact + thrust, step by step, to order
+    one.
+    """
     defects = []
     for dt in (1e-3, 5e-4, 2.5e-4):
         gait = hp.make_gait(robot)
@@ -131,7 +149,9 @@ def test_momentum_balance_of_a_walk(robot):
         simulator.reset(*gait.initial_state(penetration=simulator.static_penetration))
         controller = hp.make_controller("governed", gait, mu=0.8, governor="none")
         data, impulse = robot.model.createData(), np.zeros(3)
-        first = pin.computeCentroidalMomentum(robot.model, data, simulator.q, simulator.v).linear.copy()
+        first = pin.computeCentroidalMomentum(
+            robot.model, data, simulator.q, simulator.v
+        ).linear.copy()
         for i in range(round(0.3 / dt)):
             if i % round(1e-3 / dt) == 0:
                 command = controller.step(simulator.state)
@@ -146,7 +166,9 @@ def test_momentum_balance_of_a_walk(robot):
 def test_forces_of_a_walk_are_lawful(robot):
     for cone in ("circular", "per_axis"):
         ground = Ground(mu_s=0.25, cone=cone)
-        run = hp.walk(hp.Scenario(controller=hp.Governed(governor="none"), ground=ground, duration=1.5))
+        run = hp.walk(
+            hp.Scenario(controller=hp.Governed(governor="none"), ground=ground, duration=1.5)
+        )
         force, velocity = run["foot_force"], run["foot_velocity"]
         assert np.all(force[:, :, 2] >= 0.0)
         tangent, slip = force[:, :, :2], velocity[:, :, :2]
@@ -155,7 +177,9 @@ def test_forces_of_a_walk_are_lawful(robot):
             size, speed = np.linalg.norm(tangent, axis=2), np.linalg.norm(slip, axis=2)
             assert np.all(size <= reach + 1.01 * ground.mu_v * speed + 1e-3)
         else:
-            assert np.all(np.abs(tangent) <= reach[:, :, None] + 1.01 * ground.mu_v * np.abs(slip) + 1e-3)
+            assert np.all(
+                np.abs(tangent) <= reach[:, :, None] + 1.01 * ground.mu_v * np.abs(slip) + 1e-3
+            )
         assert np.all(force[run["foot_position"][:, :, 2] > 1e-4] == 0.0)
 
 
@@ -191,7 +215,9 @@ def test_run_in_two_parts_is_the_run(robot):
 
 
 def test_controller_sees_what_is_logged_and_command_is_held(robot):
-    """Ticks come at multiples of the period, whatever dt, and the state handed over is the row of the log."""
+    """Ticks come at multiples of the period, whatever dt, and the state handed over is the row of
+    the log.
+    """
     simulator, _ = standing(robot, dt=2.5e-4)
     seen = []
     script = Script(lambda tick, state: (seen.append(state.copy()), idle())[1], period=2e-3)

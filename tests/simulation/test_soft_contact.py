@@ -26,14 +26,25 @@ def test_default_is_what_mujoco_sets_itself(sled):
     """A model in which nothing is set has the same numbers in its contact pairs and options."""
     spec = mujoco.MjSpec()
     for name in ("a", "b"):
-        body = spec.worldbody.add_body(name=name, mass=1.0, inertia=(1, 1, 1), explicitinertial=True)
+        body = spec.worldbody.add_body(
+            name=name, mass=1.0, inertia=(1, 1, 1), explicitinertial=True
+        )
         body.add_geom(name=name, type=mujoco.mjtGeom.mjGEOM_SPHERE, size=(0.1, 0, 0))
     spec.add_pair(geomname1="a", geomname2="b")
     bare = spec.compile()
     ours = MujocoPlant(sled, contact=CONTACTS["default"]).model
     for name in ("pair_solref", "pair_solimp", "pair_solreffriction", "pair_margin", "pair_gap"):
         np.testing.assert_array_equal(getattr(ours, name), getattr(bare, name), err_msg=name)
-    names = ("cone", "impratio", "tolerance", "iterations", "solver", "integrator", "disableflags", "noslip_iterations")
+    names = (
+        "cone",
+        "impratio",
+        "tolerance",
+        "iterations",
+        "solver",
+        "integrator",
+        "disableflags",
+        "noslip_iterations",
+    )
     for name in names:
         assert getattr(ours.opt, name) == getattr(bare.opt, name), name
 
@@ -77,7 +88,9 @@ def test_a_block_rests_at_the_depth_of_the_ground_that_is_said(sled, name, mu):
 
 
 def test_damping_is_that_of_a_body_that_is_pushed_down(sled):
-    """The contact has an inertia 1 / R beside its damper b / R, so that a body at speed v is held by b v / (A + R)."""
+    """The contact has an inertia 1 / R beside its damper b / R, so that a body at speed v is held
+    by b v / (A + R).
+    """
     contact, speed = CONTACTS["elliptic"], 1e-4
     plant = rest(sled, contact, 0.5, 0.0)
     plant.reset(plant.q, np.array([0.0, 0.0, -speed, 0.0, 0.0, 0.0]))
@@ -100,6 +113,8 @@ def test_what_slips_under_the_condensed_wbc_on_the_default_contact_is_its_creep(
     walk = hp.build(Scenario(plant=Mujoco("default"), ground=Ground(mu_s=0.25), duration=3.0))
     run = walk.run()
     force, depth = run["foot_force"], -run["foot_position"][:, :, 2]
-    velocity = creep(CONTACTS["default"], force, depth, inverse_mass=walk.simulator.inverse_mass, friction=0.25)
+    velocity = creep(
+        CONTACTS["default"], force, depth, inverse_mass=walk.simulator.inverse_mass, friction=0.25
+    )
     way = 1e-3 * np.linalg.norm(velocity, axis=2)[force[:, :, 2] > 0.0].sum()
     assert run["slip_path"][-1].sum() == pytest.approx(way, rel=0.02)

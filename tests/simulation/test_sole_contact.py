@@ -1,4 +1,6 @@
-"""Soles on the compliant ground: the law at every corner at the end of a step, one solution, rest and sliding."""
+"""Soles on the compliant ground: the law at every corner at the end of a step, one solution, rest
+and sliding.
+"""
 
 from types import SimpleNamespace
 
@@ -26,7 +28,9 @@ def fields_of(record):
 
 
 def draw(seed):
-    """A step of one or two soles on random ground: its record, the ground, the velocities of the modes."""
+    """A step of one or two soles on random ground: its record, the ground, the velocities of the
+    modes.
+    """
     rng = np.random.default_rng(seed)
     soles = rng.integers(1, 3)
     dt = 10 ** rng.uniform(-4, -3)
@@ -36,10 +40,14 @@ def draw(seed):
     basis = np.linalg.qr(rng.normal(size=(size, size)))[0]
     s.mobility[:] = basis * (dt * 10 ** rng.uniform(-2, 1, size)) @ basis.T
     for n in range(soles):
-        corners = np.array([(x, y, 0.0) for x in (1, -1) for y in (1, -1)]) * rng.uniform(0.02, 0.15, 3)
+        corners = np.array([(x, y, 0.0) for x in (1, -1) for y in (1, -1)]) * rng.uniform(
+            0.02, 0.15, 3
+        )
         corners = corners @ pin.exp3(rng.normal(size=3) * 0.1).T
         rigid_modes(corners, s.mode[4 * n : 4 * n + 4])
-        s.height[4 * n : 4 * n + 4] = 10 ** rng.uniform(-5, -2.5) * rng.normal() + 0.1 * corners[:, 2]
+        s.height[4 * n : 4 * n + 4] = (
+            10 ** rng.uniform(-5, -2.5) * rng.normal() + 0.1 * corners[:, 2]
+        )
     for frame in s.frame:
         slope = rng.normal(size=2) * 0.2
         contact_frame(*(np.array([*slope, 1.0]) / np.linalg.norm([*slope, 1.0])), frame)
@@ -67,11 +75,15 @@ def violation(s, ground, free):
     mode = s.mode
     soles = len(mode) // 4
     force = s.force.reshape(-1, 4, 3)
-    load = np.concatenate([np.einsum("kac,ka->c", mode[4 * n :][:4], force[n]) for n in range(soles)])
+    load = np.concatenate(
+        [np.einsum("kac,ka->c", mode[4 * n :][:4], force[n]) for n in range(soles)]
+    )
     worst = np.abs(load - s.load).max()
     motion = (free + s.mobility @ s.load).reshape(soles, 6)
     velocity = np.concatenate([mode[4 * n :][:4] @ motion[n] for n in range(soles)])
-    for (fx, fy, fz), (ux, uy, uz), h in zip(s.force.reshape(-1, 3), velocity, s.height, strict=True):
+    for (fx, fy, fz), (ux, uy, uz), h in zip(
+        s.force.reshape(-1, 3), velocity, s.height, strict=True
+    ):
         depth = -(h + s.dt * uz)
         spring = ground.stiffness * max(depth, 0.0)
         damper = ground.damping * max(-uz, 0.0)
@@ -79,7 +91,11 @@ def violation(s, ground, free):
         low = spring + (damper if depth > s.dt * ENGAGING * (1 + 1e-6) else 0.0)
         high = spring + (damper if depth > 0.0 else 0.0)
         worst = max(worst, low - fz, fz - high)
-        pairs = [((fx,), (ux,)), ((fy,), (uy,))] if ground.cone == "per_axis" else [((fx, fy), (ux, uy))]
+        pairs = (
+            [((fx,), (ux,)), ((fy,), (uy,))]
+            if ground.cone == "per_axis"
+            else [((fx, fy), (ux, uy))]
+        )
         for friction, slip in pairs:
             u = np.array(slip)
             ratio = np.exp(-((np.linalg.norm(u) / ground.stribeck_velocity) ** 2))
@@ -101,20 +117,29 @@ def test_step_obeys_the_law_at_its_end(seed):
 @settings(max_examples=100)
 @given(seed=seeds)
 def test_the_guess_does_not_matter(seed):
-    """But for falling friction, where two velocities may hold the same force, one solution is found from everywhere."""
+    """But for falling friction, where two velocities may hold the same force, one solution is found
+    from everywhere.
+    """
     record, ground, free = draw(seed)
     ground = Ground(
-        stiffness=ground.stiffness, mu_s=min(ground.mu_s, 0.5), mu_c=min(ground.mu_s, 0.5), cone=ground.cone
+        stiffness=ground.stiffness,
+        mu_s=min(ground.mu_s, 0.5),
+        mu_c=min(ground.mu_s, 0.5),
+        cone=ground.cone,
     )
     record["friction"][0] = ground.mu_s, ground.mu_c, 1.0
     first, _ = solve(record, ground, free)
-    record["force"][0] = np.abs(np.random.default_rng(seed).normal(size=len(first))) * np.abs(first).max()
+    record["force"][0] = (
+        np.abs(np.random.default_rng(seed).normal(size=len(first))) * np.abs(first).max()
+    )
     again, _ = solve(record, ground, free)
     np.testing.assert_allclose(again, first, rtol=0, atol=1e-6 * (1 + np.abs(first).max()))
 
 
 def test_it_converges():
-    """Nothing proves it where friction falls with velocity; steps that run out are rare, and nearly solved."""
+    """Nothing proves it where friction falls with velocity; steps that run out are rare, and nearly
+    solved.
+    """
     failed, contacts = 0, 0
     for seed in range(1000):
         force, steps = solve(*draw(seed))
@@ -126,12 +151,17 @@ def test_it_converges():
 
 @pytest.fixture(scope="module")
 def flat_sled(sled):
-    return load_robot(sled.urdf, feet=("skid",), flat_feet={"skid": FlatFoot(length=0.2, width=0.1)})
+    return load_robot(
+        sled.urdf, feet=("skid",), flat_feet={"skid": FlatFoot(length=0.2, width=0.1)}
+    )
 
 
 def slide(robot, ground, slope, dt, duration):
     gravity = 9.81 * np.array([np.sin(slope), 0.0, -np.cos(slope)])
-    simulator = put(Simulator(robot, ground, dt=dt, gravity=gravity), z=2.0 * gravity[2] / (4 * ground.stiffness))
+    simulator = put(
+        Simulator(robot, ground, dt=dt, gravity=gravity),
+        z=2.0 * gravity[2] / (4 * ground.stiffness),
+    )
     simulator.advance(Command(np.zeros(0), np.zeros((0, 3))), steps=round(duration / dt))
     assert simulator.counts[1] == 0
     return simulator
@@ -141,7 +171,9 @@ def test_rest_on_a_slope(flat_sled):
     """It creeps by less than a micrometre per second."""
     simulator = slide(flat_sled, Ground(), np.radians(10), 1e-3, 2.0)
     assert np.linalg.norm(simulator.v) < CREEP
-    assert simulator.state.foot_force[:, 2].sum() == pytest.approx(2 * 9.81 * np.cos(np.radians(10)), rel=1e-9)
+    assert simulator.state.foot_force[:, 2].sum() == pytest.approx(
+        2 * 9.81 * np.cos(np.radians(10)), rel=1e-9
+    )
 
 
 def test_corners_share_friction_as_they_share_the_load(flat_sled):

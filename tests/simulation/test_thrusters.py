@@ -38,30 +38,42 @@ def upward(values):
 def test_step_response_of_first_order(lag):
     found = responses(Thrusters(lag=lag), upward([5.0] + 400 * [20.0]))[1:, 2]
     t = DT * np.arange(401)
-    exact = 20.0 * np.diff(t) + 15.0 * lag * np.diff(np.exp(-t / lag))  # integral of 20 − 15 e^(−t/T) over each step
+    exact = 20.0 * np.diff(t) + 15.0 * lag * np.diff(
+        np.exp(-t / lag)
+    )  # integral of 20 − 15 e^(−t/T) over each step
     np.testing.assert_allclose(found, exact / DT, rtol=1e-9)
 
 
 def test_rate_limits_what_is_followed():
     found = responses(Thrusters(rate=100.0), upward([5.0] + 400 * [20.0]))[1:, 2]
-    np.testing.assert_allclose(found, np.minimum(5.0 + 100.0 * DT * np.arange(1, 401), 20.0), rtol=1e-12)
+    np.testing.assert_allclose(
+        found, np.minimum(5.0 + 100.0 * DT * np.arange(1, 401), 20.0), rtol=1e-12
+    )
 
 
 def test_least_and_largest():
     """An idling thruster pushes on in its last direction."""
-    found = responses(Thrusters(least=3.0, largest=9.0), [(0.0, 6.0, 8.0), (0.0, 0.0, 0.0), (1.0, 0.0, 0.0)])
-    np.testing.assert_allclose(found, [(0.0, 5.4, 7.2), (0.0, 1.8, 2.4), (3.0, 0.0, 0.0)], atol=1e-12)
+    found = responses(
+        Thrusters(least=3.0, largest=9.0), [(0.0, 6.0, 8.0), (0.0, 0.0, 0.0), (1.0, 0.0, 0.0)]
+    )
+    np.testing.assert_allclose(
+        found, [(0.0, 5.4, 7.2), (0.0, 1.8, 2.4), (3.0, 0.0, 0.0)], atol=1e-12
+    )
 
 
 @pytest.mark.parametrize("yaw", [0.0, 1.0])
 def test_direction_turns_in_the_body(yaw):
-    """The angle to the command decays by the gimbal's lag, in the plane of both, at a constant magnitude."""
+    """The angle to the command decays by the gimbal's lag, in the plane of both, at a constant
+    magnitude.
+    """
     rotation = pin.rpy.rpyToMatrix(0.2, -0.3, yaw)
     start, goal = rotation @ (0.0, 0.0, 10.0), rotation @ (6.0, 0.0, 8.0)
     found = responses(Thrusters(turning_lag=0.05), [start] + 200 * [goal], rotation=rotation)[1:]
     np.testing.assert_allclose(np.linalg.norm(found, axis=1), 10.0, rtol=1e-12)
     angle = np.arccos(np.clip(found @ goal / 100.0, -1.0, 1.0))
-    np.testing.assert_allclose(angle, math.acos(0.8) * np.exp(-DT / 0.05 * np.arange(1, 201)), atol=1e-6)
+    np.testing.assert_allclose(
+        angle, math.acos(0.8) * np.exp(-DT / 0.05 * np.arange(1, 201)), atol=1e-6
+    )
     np.testing.assert_allclose(found @ np.cross(start, goal), 0.0, atol=1e-9)
 
 
@@ -97,8 +109,12 @@ def test_a_failing_thruster_loses_its_share(share):
 @needs_mujoco
 def test_a_thruster_fails_alike_in_both_engines():
     failing = Actuators(thrusters={"failing": (0, 0.5, 0.0)})
-    for run in (walked(plant=plant, actuators=failing, duration=1.0) for plant in ("compliant", "mujoco")):
-        had, asked = (np.linalg.norm(run[name][:, 0], axis=1) for name in ("applied_thrust", "thrust"))
+    for run in (
+        walked(plant=plant, actuators=failing, duration=1.0) for plant in ("compliant", "mujoco")
+    ):
+        had, asked = (
+            np.linalg.norm(run[name][:, 0], axis=1) for name in ("applied_thrust", "thrust")
+        )
         assert (had[502:] == 0.0).all()
         assert np.abs(had[1:500] - asked[:499]).max() < 1e-9
 
@@ -109,7 +125,9 @@ def test_a_thruster_that_is_not_there_cannot_fail():
 
 
 def test_nothing_changes_by_default():
-    """Thrusters whose limits are never reached are the ideal ones to rounding, and none in every bit."""
+    """Thrusters whose limits are never reached are the ideal ones to rounding, and none in every
+    bit.
+    """
     ends = []
     for actuators in (None, Actuators(), Actuators(thrusters=Thrusters(largest=1e5))):
         simulator = started(hp.Simulator(ROBOT, hp.Ground(mu_s=0.25), actuators=actuators), GAIT)

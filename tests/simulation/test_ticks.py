@@ -1,4 +1,6 @@
-"""The compiled loop of many ticks: the same log as the loop in Python, and Python's where there is something to say."""
+"""The compiled loop of many ticks: the same log as the loop in Python, and Python's where there is
+something to say.
+"""
 
 from dataclasses import replace
 
@@ -24,13 +26,17 @@ WALKS = {
     "filter": scenario(controller=hp.Governed(governor="filter"), mu_s=0.15),
     "no governor": scenario(controller=hp.Governed(governor="none")),
     "motors": scenario(controller=hp.Condensed(parameters=MOTORS), pushes=PUSH),
-    "motors of the QP": scenario(controller=hp.WholeBody(parameters=MOTORS | {"solver": "active_set"}), pushes=PUSH),
+    "motors of the QP": scenario(
+        controller=hp.WholeBody(parameters=MOTORS | {"solver": "active_set"}), pushes=PUSH
+    ),
     "clipped": scenario(pushes=(hp.Push(time=0.3, impulse=(0.0, 12.0, 0.0)),)),
     "fell": scenario(pushes=(hp.Push(time=0.2, impulse=(0.0, 30.0, 0.0)),)),
     "slope": scenario(slope=0.2, mu_s=0.6),
 }
 if installed_data() is not None:
-    WALKS["solo12"] = scenario(robot="solo12", gait=hp.Walking(velocity=((0.0, 0.3, 0.1, 0.3), (0.6, 0.0, 0.1, 0.0))))
+    WALKS["solo12"] = scenario(
+        robot="solo12", gait=hp.Walking(velocity=((0.0, 0.3, 0.1, 0.3), (0.6, 0.0, 0.1, 0.0)))
+    )
 
 
 @pytest.fixture
@@ -78,7 +84,10 @@ def test_python_makes_every_tick_where_it_has_something_to_say(ticks_in_c):
     class Own(hp.controllers.CondensedController):
         """A controller of one's own."""
 
-    for how in ({"controller": Own}, {"gait": hp.gaits.CommandedGait(hp.load_harpy(), lambda t: (0.1, 0.0, 0.0))}):
+    for how in (
+        {"controller": Own},
+        {"gait": hp.gaits.CommandedGait(hp.load_harpy(), lambda t: (0.1, 0.0, 0.0))},
+    ):
         hp.walk(hp.Scenario(duration=0.7), **how)
     walked(duration=0.7, delay=0.001)
     assert ticks_in_c == []

@@ -23,7 +23,8 @@ def biped_urdf(
     """A biped, of about 20 kg, with frames ``L_sole`` and ``R_sole`` at the ends of its legs.
 
     Args:
-        joints: of a leg, from the hip on, by the names of :data:`AXES`; ``turn`` is a yaw within the thigh.
+        joints: of a leg, from the hip on, by the names of :data:`AXES`; ``turn`` is a yaw within
+            the thigh.
         waist: joints between the base and both legs.
         hips: half of the distance between the legs, m.
         effort: of each joint, N·m.
@@ -42,7 +43,10 @@ def biped_urdf(
             text += _joint(name, parent, f"{side}_{name}", place, effort)
             parent, place = f"{side}_{name}", "0 0 0"
         drop = "-0.3" if joints[-1] == "knee" else "-0.05"
-        end = f'<parent link="{parent}"/><child link="{side}_sole"/><origin xyz="0.02 0 {drop}" rpy="{sole}"/>'
+        end = (
+            f'<parent link="{parent}"/><child link="{side}_sole"/><origin xyz="0.02 0 {drop}" '
+            f'rpy="{sole}"/>'
+        )
         text += f'<link name="{side}_sole"/><joint name="{side}_end" type="fixed">{end}</joint>'
     return f'<robot name="biped">{text}{more}</robot>'
 
@@ -50,13 +54,22 @@ def biped_urdf(
 def _joint(kind: str, parent: str, child: str, place: str, effort: float) -> str:
     """A joint and the link below it."""
     low, high = LIMITS.get(kind, (-1.6, 1.6))
-    ends = f'<parent link="{parent}"/><child link="{child}"/><origin xyz="{place}"/><axis xyz="{AXES[kind]}"/>'
+    ends = (
+        f'<parent link="{parent}"/><child link="{child}"/><origin xyz="{place}"/><axis '
+        f'xyz="{AXES[kind]}"/>'
+    )
     limit = f'<limit lower="{low}" upper="{high}" effort="{effort}" velocity="20"/>'
-    return _link(child, MASS.get(kind, 0.4)) + f'<joint name="j_{child}" type="revolute">{ends}{limit}</joint>'
+    return (
+        _link(child, MASS.get(kind, 0.4))
+        + f'<joint name="j_{child}" type="revolute">{ends}{limit}</joint>'
+    )
 
 
 def _link(name: str, mass: float) -> str:
     """A link with the inertia of a ball of 0.1 m."""
     moment = 0.004 * mass
     inertia = f'ixx="{moment}" iyy="{moment}" izz="{moment}" ixy="0" ixz="0" iyz="0"'
-    return f'<link name="{name}"><inertial><mass value="{mass}"/><inertia {inertia}/></inertial></link>'
+    return (
+        f'<link name="{name}"><inertial><mass value="{mass}"/><inertia '
+        f"{inertia}/></inertial></link>"
+    )

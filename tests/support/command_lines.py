@@ -1,4 +1,6 @@
-"""The three programs, their commands and options as they are declared, and what begins the work of a command."""
+"""The three programs, their commands and options as they are declared, and what begins the work of
+a command.
+"""
 
 from __future__ import annotations
 
@@ -59,7 +61,10 @@ def commands() -> Iterator[tuple[str, tuple[str, ...], list[Option], int]]:
     """Program, command, its options, and how many arguments it has."""
     for program, module in PROGRAMS.items():
         app: typer.Typer = module.app
-        known = [((entry.name or entry.callback.__name__,), entry.callback) for entry in app.registered_commands]
+        known = [
+            ((entry.name or entry.callback.__name__,), entry.callback)
+            for entry in app.registered_commands
+        ]
         if app.registered_callback is not None:
             known.append(((), app.registered_callback.callback))
         for command, function in known:
@@ -87,8 +92,14 @@ def stop_before_work(monkeypatch: pytest.MonkeyPatch) -> None:
 def run_line(line: list[str]) -> tuple[int | str | None, str, str]:
     """Run a command line: exit code, None where its work was reached, and both outputs."""
     code: int | str | None = None
-    out, err = (io.TextIOWrapper(io.BytesIO(), encoding="utf-8", write_through=True) for _ in range(2))
-    with pytest.MonkeyPatch.context() as patch, contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
+    out, err = (
+        io.TextIOWrapper(io.BytesIO(), encoding="utf-8", write_through=True) for _ in range(2)
+    )
+    with (
+        pytest.MonkeyPatch.context() as patch,
+        contextlib.redirect_stdout(out),
+        contextlib.redirect_stderr(err),
+    ):
         patch.setattr(sys, "argv", line)
         try:
             PROGRAMS[line[0]].main()

@@ -1,7 +1,8 @@
-"""Where data from strangers enters: a URDF, a run file, a scenario, a command line; used as the programs use them.
+"""Where data from strangers enters: a URDF, a run file, a scenario, a command line; used as the
+programs use them.
 
-Each function takes the path of one file. It returns where the answer is a result or one line of ours; what is a defect
-passes as the exception that it is.
+Each function takes the path of one file. It returns where the answer is a result or one line of
+ours; what is a defect passes as the exception that it is.
 """
 
 from __future__ import annotations
@@ -24,7 +25,9 @@ CONTROLLERS = ("condensed", "wbc", "governed")
 
 
 def use_urdf(path: Path) -> None:
-    """Read a robot: as Harpy, and with the link that is named last as its foot. A Harpy walks for three ticks."""
+    """Read a robot: as Harpy, and with the link that is named last as its foot. A Harpy walks for
+    three ticks.
+    """
     made, _ = outcome(hp.load_harpy, path)
     if made is not None:
         outcome(few_ticks, path, CONTROLLERS[path.stat().st_size % 3])
@@ -38,7 +41,9 @@ def few_ticks(path: Path, controller: str) -> hp.Run:
 
 
 def use_run(path: Path, walk: bool = True) -> bool:
-    """Read, measure and view a log, and walk the first ticks of its scenario again; whether it was read."""
+    """Read, measure and view a log, and walk the first ticks of its scenario again; whether it was
+    read.
+    """
     run, _ = outcome(hp.Run.load, path)
     if run is None:
         return False

@@ -1,10 +1,11 @@
-"""One short use of every part of the library that has kernels, beside the walks of ``harpy compile``.
+"""One short use of every part of the library that has kernels, beside the walks of ``harpy
+compile``.
 
     python tests/support/every_part.py [ROBOT]...
 
-hatch_build.py compiles with it what a wheel for one platform holds; in an environment with that wheel alone it shows
-that nothing is missing. It prints a line for each part, and ends with 1 where one fails. What a robot cannot have is no
-failure.
+hatch_build.py compiles with it what a wheel for one platform holds; in an environment with that
+wheel alone it shows that nothing is missing. It prints a line for each part, and ends with 1 where
+one fails. What a robot cannot have is no failure.
 """
 
 from __future__ import annotations
@@ -38,23 +39,37 @@ def parts(name: str) -> Iterator[tuple[str, Callable[[], object]]]:
             ("estimator", {"state": "estimated"}),
             ("joint targets", {"controller": hp.Condensed(parameters=TARGETS)}),
             ("joint targets of the QP", {"controller": hp.WholeBody(parameters=TARGETS)}),
-            ("joint targets in MuJoCo", {"controller": hp.Condensed(parameters=TARGETS), "plant": "mujoco"}),
-            ("friction estimate", {"controller": hp.Condensed(parameters={"estimate_friction": True})}),
+            (
+                "joint targets in MuJoCo",
+                {"controller": hp.Condensed(parameters=TARGETS), "plant": "mujoco"},
+            ),
+            (
+                "friction estimate",
+                {"controller": hp.Condensed(parameters={"estimate_friction": True})},
+            ),
         ):
             scenario = {"robot": name, "gait": gait, "duration": DURATION, **given}
             yield f"{words}, gait '{gait}'", lambda given=scenario: hp.walk(hp.Scenario(**given))
     yield "bridge", lambda: cross_bridge(name)
     yield "batch", lambda: step_batch(name)
     for action in ("velocity", "joints"):
-        yield f"environment, {action}", lambda action=action: step_environment(RobotEnv(name, action=action))
+        yield (
+            f"environment, {action}",
+            lambda action=action: step_environment(RobotEnv(name, action=action)),
+        )
     if name == "harpy":
         for shield in (False, True):
-            yield f"environment, shield {shield}", lambda shield=shield: step_environment(HarpyEnv(shield=shield))
+            yield (
+                f"environment, shield {shield}",
+                lambda shield=shield: step_environment(HarpyEnv(shield=shield)),
+            )
         yield "environments", lambda: step_environment(HarpyVectorEnv(2))
 
 
 def cross_bridge(name: str) -> None:
-    """A step of a controller in a simulation of one's own, of the model that the MuJoCo plant has."""
+    """A step of a controller in a simulation of one's own, of the model that the MuJoCo plant
+    has.
+    """
     walk = hp.build(hp.Scenario(robot=name, plant="mujoco"))
     model, controller = walk.simulator.model, walk.controller
     state, bridge = controller.gait.initial_state(), hp.MujocoBridge(model, loaded_robot(name))
@@ -66,7 +81,10 @@ def cross_bridge(name: str) -> None:
 
 def step_batch(name: str) -> None:
     """Two robots of one kind."""
-    robot, state = loaded_robot(name), hp.build(hp.Scenario(robot=name)).controller.gait.initial_state()
+    robot, state = (
+        loaded_robot(name),
+        hp.build(hp.Scenario(robot=name)).controller.gait.initial_state(),
+    )
     batch = CondensedBatch(robot, 2)
     batch.step(*(np.tile(part, (2, 1)) for part in state), np.zeros((2, len(robot.feet), 3)))
 

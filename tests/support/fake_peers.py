@@ -21,7 +21,10 @@ def right_answer(problem: PeerProblem) -> dict[str, Any]:
     """The file that a perfect peer would write."""
     out: dict[str, Any] = {"versions": json.dumps({"perfect": "1.0"}), "overhead_ns": 40.0}
     out |= {quantity: getattr(problem.expected, quantity).copy() for quantity in TOLERANCE}
-    return out | {f"{what}_ns": np.full((2, len(problem)), each) for what, each in (("tick", 2040), ("inside", 1040))}
+    return out | {
+        f"{what}_ns": np.full((2, len(problem)), each)
+        for what, each in (("tick", 2040), ("inside", 1040))
+    }
 
 
 def fake_peer(folder: Path, script: str, monkeypatch: pytest.MonkeyPatch) -> Peer:

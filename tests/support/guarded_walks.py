@@ -39,7 +39,12 @@ def controller_of(name, gait):
 def governor_of(name, robot):
     if name == "own rows":
         return hp.ExplicitReferenceGovernor(
-            StackedRows([ForceRows(mass=robot.mass, mu=0.25), Row(lambda x, w: (0.4 - w[3], (0, 0, 0, -1, 0, 0)))])
+            StackedRows(
+                [
+                    ForceRows(mass=robot.mass, mu=0.25),
+                    Row(lambda x, w: (0.4 - w[3], (0, 0, 0, -1, 0, 0))),
+                ]
+            )
         )
     if name == "margin":
         return MarginGovernor(mass=4.6, mu=0.25, k_p=100.0, k_d=20.0)
@@ -48,7 +53,9 @@ def governor_of(name, robot):
 
 
 def command_of(robot, torque=1.0, thrust=10.0):
-    return hp.Command(np.full(len(robot.joints), torque), np.full((len(robot.thrusters), 3), thrust))
+    return hp.Command(
+        np.full(len(robot.joints), torque), np.full((len(robot.thrusters), 3), thrust)
+    )
 
 
 def equal(a, b):

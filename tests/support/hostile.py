@@ -1,4 +1,6 @@
-"""Hostile values, run files, URDFs and command lines, drawn from a seed; and what an answer to them may be."""
+"""Hostile values, run files, URDFs and command lines, drawn from a seed; and what an answer to them
+may be.
+"""
 
 from __future__ import annotations
 
@@ -17,24 +19,110 @@ import numpy as np
 import harpy_pin as hp
 
 VALUES: tuple[Any, ...] = (
-    *(None, True, False, 0, 1, -1, 2, 7, 1.5, -0.0, 1e-300, 5e-324, 1e300, 1e308, -1e308, 10**19, 10**400, -(10**400)),
+    *(
+        None,
+        True,
+        False,
+        0,
+        1,
+        -1,
+        2,
+        7,
+        1.5,
+        -0.0,
+        1e-300,
+        5e-324,
+        1e300,
+        1e308,
+        -1e308,
+        10**19,
+        10**400,
+        -(10**400),
+    ),
     *(math.nan, math.inf, -math.inf),
     *("", "x", "nan", "0.3", "harpy", "go2", "[bold]", "<b>", "\x00", "\ud800", "a" * 5000),
     *([], [1], [None], [1, 2, 3], [[1, 2, 3]], [[0, 0, 0, 0]], ["x"], [[]], [{}], [{"time": 0}]),
     *([10**400, 0, 0], [1e300] * 6, [math.nan] * 3),
-    *({}, {"name": None}, {"name": "wbc"}, {"name": [1]}, {"x": 1}, {"gait": 5}, {"step_duration": 0}),
+    *(
+        {},
+        {"name": None},
+        {"name": "wbc"},
+        {"name": [1]},
+        {"x": 1},
+        {"gait": 5},
+        {"step_duration": 0},
+    ),
 )
 """What JSON can hold, and what no setting is."""
 OPTIONAL = (
-    *("x_r", "x_w", "tick_ns", "slip_path", "slip_net", "qp_status", "bad_samples", "infeasible", "foot_friction"),
-    *("desired_force", "demanded_force", "friction_estimate", "condensed_status", "velocity_command"),
+    *(
+        "x_r",
+        "x_w",
+        "tick_ns",
+        "slip_path",
+        "slip_net",
+        "qp_status",
+        "bad_samples",
+        "infeasible",
+        "foot_friction",
+    ),
+    *(
+        "desired_force",
+        "demanded_force",
+        "friction_estimate",
+        "condensed_status",
+        "velocity_command",
+    ),
 )
 """Signals that a log may have, which readers look for."""
 NAMED = (
-    *("ending", "robot", "controller", "end_time", "control_period", "dt", "mass", "ground", "plant", "parameters"),
-    *("versions", "scenario", "gravity", "feet", "thrusters", "pushes", "own", "format", "signals", "gait"),
-    *("step_duration", "governor", "speed", "mu_s", "cone", "friction_strips", "control", "min_normal_force", "urdf"),
-    *("name", "duration", "period", "disturbances", "noise", "seed", "delay", "reading", "patches", "limits"),
+    *(
+        "ending",
+        "robot",
+        "controller",
+        "end_time",
+        "control_period",
+        "dt",
+        "mass",
+        "ground",
+        "plant",
+        "parameters",
+    ),
+    *(
+        "versions",
+        "scenario",
+        "gravity",
+        "feet",
+        "thrusters",
+        "pushes",
+        "own",
+        "format",
+        "signals",
+        "gait",
+    ),
+    *(
+        "step_duration",
+        "governor",
+        "speed",
+        "mu_s",
+        "cone",
+        "friction_strips",
+        "control",
+        "min_normal_force",
+        "urdf",
+    ),
+    *(
+        "name",
+        "duration",
+        "period",
+        "disturbances",
+        "noise",
+        "seed",
+        "delay",
+        "reading",
+        "patches",
+        "limits",
+    ),
 )
 """Entries of metadata that something reads."""
 
@@ -44,7 +132,9 @@ def choose(rng: np.random.Generator, options: Any) -> Any:
     return options[int(rng.integers(len(options)))]
 
 
-def outcome(function: Callable[..., Any], *arguments: Any, **given: Any) -> tuple[Any, hp.HarpyError | None]:
+def outcome(
+    function: Callable[..., Any], *arguments: Any, **given: Any
+) -> tuple[Any, hp.HarpyError | None]:
     """What a call returns, or the error of ours that it ends with; any other error passes.
 
     The message has to be one line that is not too long.
@@ -61,14 +151,22 @@ def outcome(function: Callable[..., Any], *arguments: Any, **given: Any) -> tupl
 
 def places(data: Any, path: tuple[Any, ...] = ()) -> list[tuple[Any, ...]]:
     """Paths of everything in nested mappings and lists."""
-    items = data.items() if isinstance(data, dict) else enumerate(data) if isinstance(data, list) else ()
+    items = (
+        data.items()
+        if isinstance(data, dict)
+        else enumerate(data)
+        if isinstance(data, list)
+        else ()
+    )
     found = [path] if path else []
     for key, value in items:
         found += places(value, (*path, key))
     return found
 
 
-def spoil_mapping(rng: np.random.Generator, data: dict[str, Any], changes: int = 2) -> dict[str, Any]:
+def spoil_mapping(
+    rng: np.random.Generator, data: dict[str, Any], changes: int = 2
+) -> dict[str, Any]:
     """A copy with some entries replaced, removed or added."""
     data = copy.deepcopy(data)
     for _ in range(int(rng.integers(1, changes + 1))):
@@ -89,7 +187,9 @@ def spoil_mapping(rng: np.random.Generator, data: dict[str, Any], changes: int =
     return data
 
 
-def spoil_signals(rng: np.random.Generator, signals: dict[str, Any], changes: int = 2) -> dict[str, Any]:
+def spoil_signals(
+    rng: np.random.Generator, signals: dict[str, Any], changes: int = 2
+) -> dict[str, Any]:
     """A copy with some signals reshaped, of another type, with odd numbers, missing or new."""
     signals = dict(signals)
     rows = len(signals["t"])
@@ -108,7 +208,9 @@ def spoil_signals(rng: np.random.Generator, signals: dict[str, Any], changes: in
         elif kind == 4 and signals[name].ndim > 1 and signals[name].shape[1]:
             signals[name] = signals[name][:, 0]
         elif kind == 5:
-            signals[name] = np.nan_to_num(signals[name]).astype(choose(rng, ("?", "i1", "u1", "i8", "u8", "f2", "f4")))
+            signals[name] = np.nan_to_num(signals[name]).astype(
+                choose(rng, ("?", "i1", "u1", "i8", "u8", "f2", "f4"))
+            )
         elif kind == 6:
             keep = int(rng.integers(0, 4))
             signals = {key: array[:keep] for key, array in signals.items()}
@@ -151,10 +253,52 @@ def write_log(path: Path, signals: dict[str, Any], metadata: Any) -> Path:
 
 
 NUMBERS = (
-    *("0", "-1", "nan", "inf", "-inf", "1e308", "1e-320", "1e6", "1e7", "-1e6", "1e400", "", "x", "0x10", "1,5", "1e"),
-    *("1 2", "0 0 0", "1 0 0 0", "1e300 0 0", "nan nan nan", "1e-200 0 0", "1e-9", "3.2", "\u0663", "9" * 400, "1_0"),
+    *(
+        "0",
+        "-1",
+        "nan",
+        "inf",
+        "-inf",
+        "1e308",
+        "1e-320",
+        "1e6",
+        "1e7",
+        "-1e6",
+        "1e400",
+        "",
+        "x",
+        "0x10",
+        "1,5",
+        "1e",
+    ),
+    *(
+        "1 2",
+        "0 0 0",
+        "1 0 0 0",
+        "1e300 0 0",
+        "nan nan nan",
+        "1e-200 0 0",
+        "1e-9",
+        "3.2",
+        "\u0663",
+        "9" * 400,
+        "1_0",
+    ),
 )
-TAGS = ("link", "joint", "inertial", "mass", "inertia", "origin", "axis", "limit", "parent", "child", "visual", "mimic")
+TAGS = (
+    "link",
+    "joint",
+    "inertial",
+    "mass",
+    "inertia",
+    "origin",
+    "axis",
+    "limit",
+    "parent",
+    "child",
+    "visual",
+    "mimic",
+)
 
 
 def spoil_urdf(rng: np.random.Generator, text: str, changes: int = 2) -> bytes:

@@ -1,4 +1,6 @@
-"""Command lines of all three programs, drawn from a table of their options, and run up to where work begins."""
+"""Command lines of all three programs, drawn from a table of their options, and run up to where
+work begins.
+"""
 
 from __future__ import annotations
 
@@ -14,16 +16,95 @@ from hostile import choose
 import harpy_pin as hp
 
 VALUES: tuple[str, ...] = (
-    *("nan", "inf", "-1", "0", "1", "2", "0.3", "1e300", "1e-300", "1e999", "9" * 400, "x", "", "=", "0x10", "1,5"),
-    *("1:2", "1:0,1,0", "0:1:0.1", "nan:nan:nan", "1:2:3:4", "0.3 0 0", "0.3 0 0; 2s 0 0 0.1", "1e308s 0 0 0"),
-    *("harpy", "go2", "iris", "condensed", "wbc", "governed", "paper", "filter", "none", "hand", "commanded", "mujoco"),
-    *("stiff", "per_axis", "feedforward", "tracked", "middle", "polar", "double", "run.npz", "bad.npz", "bad.json"),
-    *("bad.urdf", "dir", "dir/x.npz", "nodir/x", "/dev/null", "x.png", "x.gif", "x.html", "0:1", "1:0", "10x10", "0x0"),
-    *("99999x99999", "1,2,nan", ".", "..", "/", "[bold]", "\udcff", "ü", "a" * 300, "--", "-", "x" * 5000, "tcp://x:1"),
+    *(
+        "nan",
+        "inf",
+        "-1",
+        "0",
+        "1",
+        "2",
+        "0.3",
+        "1e300",
+        "1e-300",
+        "1e999",
+        "9" * 400,
+        "x",
+        "",
+        "=",
+        "0x10",
+        "1,5",
+    ),
+    *(
+        "1:2",
+        "1:0,1,0",
+        "0:1:0.1",
+        "nan:nan:nan",
+        "1:2:3:4",
+        "0.3 0 0",
+        "0.3 0 0; 2s 0 0 0.1",
+        "1e308s 0 0 0",
+    ),
+    *(
+        "harpy",
+        "go2",
+        "iris",
+        "condensed",
+        "wbc",
+        "governed",
+        "paper",
+        "filter",
+        "none",
+        "hand",
+        "commanded",
+        "mujoco",
+    ),
+    *(
+        "stiff",
+        "per_axis",
+        "feedforward",
+        "tracked",
+        "middle",
+        "polar",
+        "double",
+        "run.npz",
+        "bad.npz",
+        "bad.json",
+    ),
+    *(
+        "bad.urdf",
+        "dir",
+        "dir/x.npz",
+        "nodir/x",
+        "/dev/null",
+        "x.png",
+        "x.gif",
+        "x.html",
+        "0:1",
+        "1:0",
+        "10x10",
+        "0x0",
+    ),
+    *(
+        "99999x99999",
+        "1,2,nan",
+        ".",
+        "..",
+        "/",
+        "[bold]",
+        "\udcff",
+        "ü",
+        "a" * 300,
+        "--",
+        "-",
+        "x" * 5000,
+        "tcp://x:1",
+    ),
 )
 
 
-def draw(rng: np.random.Generator, command: tuple[str, tuple[str, ...], list[command_lines.Option], int]) -> list[str]:
+def draw(
+    rng: np.random.Generator, command: tuple[str, tuple[str, ...], list[command_lines.Option], int]
+) -> list[str]:
     """A command line."""
     program, name, declared, arguments = command
     options = [(text, option.kind is bool) for option in declared for text in option.names]
@@ -42,16 +123,22 @@ def draw(rng: np.random.Generator, command: tuple[str, tuple[str, ...], list[com
 
 def write_files(folder: Path) -> None:
     """Files of the names in :data:`VALUES`, good and bad."""
-    hp.walk(hp.Scenario(controller=hp.Governed(governor="none"), duration=0.01), save=folder / "run.npz")
+    hp.walk(
+        hp.Scenario(controller=hp.Governed(governor="none"), duration=0.01), save=folder / "run.npz"
+    )
     (folder / "bad.npz").write_bytes(b"PK\x03\x04junk")
-    (folder / "bad.json").write_text('{"timing": 1, "walk": [], "settings": {}, "machine": {}, "versions": {}}')
+    (folder / "bad.json").write_text(
+        '{"timing": 1, "walk": [], "settings": {}, "machine": {}, "versions": {}}'
+    )
     (folder / "bad.urdf").write_text("<robot")
     (folder / "dir").mkdir()
 
 
 @contextlib.contextmanager
 def nothing_works(folder: Path) -> Iterator[None]:
-    """Within a folder that has a run and some damaged files, where no command gets beyond the begin of its work."""
+    """Within a folder that has a run and some damaged files, where no command gets beyond the begin
+    of its work.
+    """
     write_files(folder)
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(folder)

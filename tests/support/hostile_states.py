@@ -1,4 +1,6 @@
-"""States of any robot that no robot can have, and states at the edge of what is taken for possible."""
+"""States of any robot that no robot can have, and states at the edge of what is taken for
+possible.
+"""
 
 import numpy as np
 
@@ -7,7 +9,9 @@ from harpy_pin.model.entry import MAX_SAMPLE
 
 
 def draw_hostile(robot, rng):
-    """A state: of everyday size or of any size within the bound, and then, half of them, spoiled in one place."""
+    """A state: of everyday size or of any size within the bound, and then, half of them, spoiled in
+    one place.
+    """
     model, feet = robot.model, len(robot.feet)
     q, v = np.empty(model.nq), rng.standard_normal(model.nv)
     q[:7] = rng.standard_normal(7)

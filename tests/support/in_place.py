@@ -1,4 +1,6 @@
-"""Changes of arrays in place: of shape, length, type and flags, also of what an array is a view of."""
+"""Changes of arrays in place: of shape, length, type and flags, also of what an array is a view
+of.
+"""
 
 from __future__ import annotations
 
@@ -22,7 +24,9 @@ SHAPES: dict[str, Callable[[Any], object]] = {
     "longer": lambda array: array.resize((100 * array.size + 1,), refcheck=False),
     "no strides": lambda array: setattr(array, "strides", (0,) * array.ndim),
     "backwards": lambda array: setattr(array, "strides", tuple(-size for size in array.strides)),
-    "far apart": lambda array: setattr(array, "strides", tuple(1000 * size for size in array.strides)),
+    "far apart": lambda array: setattr(
+        array, "strides", tuple(1000 * size for size in array.strides)
+    ),
     "columns first": lambda array: setattr(array, "strides", array.strides[::-1]),
 }
 OTHERS = {kind: lambda array, kind=kind: setattr(array, "dtype", kind) for kind in DTYPES}
@@ -31,16 +35,23 @@ CHANGES: dict[str, Callable[[Any], object]] = SHAPES | OTHERS | FLAGS
 
 
 def public_arrays(made: Any) -> Iterator[tuple[Any, str]]:
-    """Public arrays of an object and of all that it leads to; those made at each access have nothing to lose."""
+    """Public arrays of an object and of all that it leads to; those made at each access have
+    nothing to lose.
+    """
     for holder in holders(made, set()):
         for name in sorted(name for name in dir(holder) if not name.startswith("_")):
             array = getattr(holder, name, None)
-            if isinstance(array, np.ndarray) and getattr(holder, name).ctypes.data == array.ctypes.data:
+            if (
+                isinstance(array, np.ndarray)
+                and getattr(holder, name).ctypes.data == array.ctypes.data
+            ):
                 yield holder, name
 
 
 def change_all(name: str) -> int:
-    """Change each public array of a case in place: errors are ours, or nothing changes; how many NumPy let pass."""
+    """Change each public array of a case in place: errors are ours, or nothing changes; how many
+    NumPy let pass.
+    """
     make, use = CASES[name]
     made, count = make(), 0
     use(made)
@@ -48,7 +59,10 @@ def change_all(name: str) -> int:
     for (holder, attribute), changes in product(found, (SHAPES, OTHERS, FLAGS)):
         array = getattr(holder, attribute)
         for change, one in product(changes.values(), (array, array.base)):
-            with suppress(ValueError, TypeError, AttributeError), warnings.catch_warnings(action="ignore"):
+            with (
+                suppress(ValueError, TypeError, AttributeError),
+                warnings.catch_warnings(action="ignore"),
+            ):
                 change(one)
                 count += 1
         try:
@@ -59,5 +73,7 @@ def change_all(name: str) -> int:
             try:
                 assert_equal(name, answer, wanted)
             except AssertionError as error:
-                raise AssertionError(f"{type(holder).__name__}.{attribute}, {' or '.join(changes)}") from error
+                raise AssertionError(
+                    f"{type(holder).__name__}.{attribute}, {' or '.join(changes)}"
+                ) from error
     return count

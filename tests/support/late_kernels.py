@@ -1,4 +1,5 @@
-"""Prints, as a JSON list, the kernels that a controller compiles or loads after its first tick, at states of any size.
+"""Prints, as a JSON list, the kernels that a controller compiles or loads after its first tick, at
+states of any size.
 
 Arguments: the controller, its parameters as JSON, and ``added`` if a task is added to its program.
 """
@@ -22,10 +23,20 @@ if "added" in sys.argv:
     controller.add(hp.CentreOfMassTask(), lower=-100.0, upper=100.0)
 q, v = gait.initial_state()
 none = np.zeros((2, 3))
-controller.step(hp.State(0.0, q, v, none, none, np.full((2, 3), (0.0, 0.0, 0.5 * 9.81 * robot.mass))))
+controller.step(
+    hp.State(0.0, q, v, none, none, np.full((2, 3), (0.0, 0.0, 0.5 * 9.81 * robot.mass)))
+)
 wait_for_all()
 known = {kernel: set(kernel._versions) for kernel in _KERNELS}
 rng = np.random.default_rng(1)
 for k in range(STATES):
     controller.step(draw_hostile(robot, rng) if k % 3 else draw(robot, rng))
-print(json.dumps(sorted(kernel.__name__ for kernel in _KERNELS if set(kernel._versions) - known.get(kernel, set()))))
+print(
+    json.dumps(
+        sorted(
+            kernel.__name__
+            for kernel in _KERNELS
+            if set(kernel._versions) - known.get(kernel, set())
+        )
+    )
+)

@@ -1,7 +1,9 @@
-"""What a test needs and a machine may lack: programs, and extras of the package. Tests ask for them here only.
+"""What a test needs and a machine may lack: programs, and extras of the package. Tests ask for them
+here only.
 
-``@pytest.mark.needs("cmake")`` skips a test where CMake is missing; the end of a run counts what was skipped for want
-of what. ``pytest --needing cmake`` runs the tests that need CMake and no others, and refuses to begin without it.
+``@pytest.mark.needs("cmake")`` skips a test where CMake is missing; the end of a run counts what
+was skipped for want of what. ``pytest --needing cmake`` runs the tests that need CMake and no
+others, and refuses to begin without it.
 """
 
 from __future__ import annotations
@@ -34,13 +36,20 @@ def chromium() -> str | None:
 
 @cache
 def sanitizer() -> tuple[str, str] | None:
-    """GCC or Clang, and the libraries that must be loaded before Python; Zig has no AddressSanitizer."""
+    """GCC or Clang, and the libraries that must be loaded before Python; Zig has no
+    AddressSanitizer.
+    """
     command = compiler.compiler()
     if command is None or sys.platform != "linux" or "ziglang" in command:
         return None
     libraries = []
-    for name in ("libasan.so", "libstdc++.so"):  # the second one for exceptions of the first one's interceptors
-        found = subprocess.run([*command, f"-print-file-name={name}"], capture_output=True, text=True, check=False)
+    for name in (
+        "libasan.so",
+        "libstdc++.so",
+    ):  # the second one for exceptions of the first one's interceptors
+        found = subprocess.run(
+            [*command, f"-print-file-name={name}"], capture_output=True, text=True, check=False
+        )
         libraries.append(found.stdout.strip())
     return (" ".join(command), " ".join(libraries)) if all(map(os.path.isabs, libraries)) else None
 

@@ -1,8 +1,10 @@
-"""Whether many answers are optima of the whole-body program: by its KKT conditions, in closed form and all at once.
+"""Whether many answers are optima of the whole-body program: by its KKT conditions, in closed form
+and all at once.
 
-The program is that of :mod:`whole_body_oracle`, in z = [a; f; u]: min |A z − b|² subject to E z = e, C z ≤ d. An answer
-says which inequalities hold with equality. With these as equations, z and the multipliers follow from one linear
-system; the program is strictly convex, so that z is its only optimum if C z ≤ d and the multipliers are not negative.
+The program is that of :mod:`whole_body_oracle`, in z = [a; f; u]: min |A z − b|² subject to E z =
+e, C z ≤ d. An answer says which inequalities hold with equality. With these as equations, z and the
+multipliers follow from one linear system; the program is strictly convex, so that z is its only
+optimum if C z ≤ d and the multipliers are not negative.
 """
 
 from __future__ import annotations
@@ -12,8 +14,9 @@ from dataclasses import dataclass
 import numpy as np
 
 ACTIVE = (1e-10, 1e-8)
-"""How near to its bound an inequality of an answer holds with equality, relative to the size of z: the second one where
-there is no optimum with the first."""
+"""How near to its bound an inequality of an answer holds with equality, relative to the size of z:
+the second one where there is no optimum with the first.
+"""
 INSIDE = 1e-7
 """How far it may be missed, likewise."""
 SOFT = 1e-13
@@ -55,7 +58,9 @@ def optima_from(p: Programs, answer: np.ndarray) -> Optima:
     found = _optima(p, answer, ACTIVE[0])
     rest = np.flatnonzero(~found.fits)
     if len(rest):
-        again = _optima(Programs(*(part[rest] for part in vars(p).values())), answer[rest], ACTIVE[1])
+        again = _optima(
+            Programs(*(part[rest] for part in vars(p).values())), answer[rest], ACTIVE[1]
+        )
         found.z[rest], found.fits[rest], found.binding[rest] = again.z, again.fits, again.binding
     return found
 
@@ -65,11 +70,18 @@ def _optima(p: Programs, answer: np.ndarray, active: float) -> Optima:
     scale = 1.0 + np.abs(answer).max(axis=1, keepdims=True)
     binding = times(p.inequality, answer) > p.upper - active * scale
     most = max(int(binding.sum(axis=1).max()), 1)
-    first = np.argsort(~binding, axis=1, kind="stable")[:, :most]  # the active ones, then others that are left out
+    first = np.argsort(~binding, axis=1, kind="stable")[
+        :, :most
+    ]  # the active ones, then others that are left out
     chosen = np.take_along_axis(binding, first, axis=1)
-    rows = np.where(chosen[:, :, None], np.take_along_axis(p.inequality, first[:, :, None], axis=1), 0.0)
+    rows = np.where(
+        chosen[:, :, None], np.take_along_axis(p.inequality, first[:, :, None], axis=1), 0.0
+    )
     right = np.where(chosen, np.take_along_axis(p.upper, first, axis=1), 0.0)
-    rows, right = np.concatenate((p.equality, rows), axis=1), np.concatenate((p.value, right), axis=1)
+    rows, right = (
+        np.concatenate((p.equality, rows), axis=1),
+        np.concatenate((p.value, right), axis=1),
+    )
     equations = rows.shape[1]
     system = np.zeros((n, size + equations, size + equations))
     system[:, :size, :size] = np.einsum("nki,nkj->nij", p.a, p.a)
@@ -77,7 +89,9 @@ def _optima(p: Programs, answer: np.ndarray, active: float) -> Optima:
     exact = system.copy()
     left_out = np.concatenate((np.zeros(p.value.shape, dtype=bool), ~chosen), axis=1)
     for matrix, soft in ((system, SOFT), (exact, 0.0)):
-        matrix[:, range(size, size + equations), range(size, size + equations)] = np.where(left_out, -1.0, -soft)
+        matrix[:, range(size, size + equations), range(size, size + equations)] = np.where(
+            left_out, -1.0, -soft
+        )
     given = np.concatenate((np.einsum("nki,nk->ni", p.a, p.b), right), axis=1)
     inverse = np.linalg.inv(system)
     found = np.zeros_like(given)
@@ -87,5 +101,7 @@ def _optima(p: Programs, answer: np.ndarray, active: float) -> Optima:
     size_of = 1.0 + np.abs(z).max(axis=1, keepdims=True)
     error = np.abs(given - times(exact, found)).max(axis=1) / (1.0 + np.abs(given).max(axis=1))
     inside = (times(p.inequality, z) <= p.upper + INSIDE * size_of).all(axis=1)
-    signs = (multiplier >= -1e-6 * (1.0 + np.abs(multiplier).max(axis=1, keepdims=True))).all(axis=1)
+    signs = (multiplier >= -1e-6 * (1.0 + np.abs(multiplier).max(axis=1, keepdims=True))).all(
+        axis=1
+    )
     return Optima(z, inside & signs & (error < 1e-9), binding)

@@ -1,8 +1,10 @@
-"""Calls of compiled kernels, repeated in plain Python on copies of their arguments and compared in every bit.
+"""Calls of compiled kernels, repeated in plain Python on copies of their arguments and compared in
+every bit.
 
-Three things are not Python's own on that side, because they are not C's either: functions of mathematics come from C's
-library (NumPy has others for sine or exponential, which differ in the last digit), ``x ** 2`` to ``x ** 4`` are
-products (Python calls ``pow``), and sums go from the first term to the last (NumPy leaves the order open).
+Three things are not Python's own on that side, because they are not C's either: functions of
+mathematics come from C's library (NumPy has others for sine or exponential, which differ in the
+last digit), ``x ** 2`` to ``x ** 4`` are products (Python calls ``pow``), and sums go from the
+first term to the last (NumPy leaves the order open).
 """
 
 from __future__ import annotations
@@ -26,7 +28,9 @@ from harpy_pin.kernels import Kernel
 from harpy_pin.kernels.expressions import MATHEMATICS, OF_TWO
 from harpy_pin.kernels.source import _globals
 
-REALS = st.floats(-1e6, 1e6) | st.sampled_from([0.0, -0.0, 1.0, -1.0, np.nan, np.inf, -np.inf, 1e-300, 1e300])
+REALS = st.floats(-1e6, 1e6) | st.sampled_from(
+    [0.0, -0.0, 1.0, -1.0, np.nan, np.inf, -np.inf, 1e-300, 1e300]
+)
 """Numbers of all kinds."""
 LIBRARY = ctypes.CDLL(ctypes.util.find_library("m"))
 LONGEST = 20
@@ -67,7 +71,8 @@ def total(values: Any) -> Any:
 
 
 NAMES: dict[str, Any] = {
-    f"_{function.__name__}": of_library(name, 2 if function in OF_TWO else 1) for function, name in MATHEMATICS.items()
+    f"_{function.__name__}": of_library(name, 2 if function in OF_TWO else 1)
+    for function, name in MATHEMATICS.items()
 }
 NAMES |= {f"_power_{n}": power for n, power in POWERS.items()} | {"_dot": product, "_sum": total}
 
@@ -81,12 +86,18 @@ class _AsInC(ast.NodeTransformer):
 
     def visit_BinOp(self, node: ast.BinOp) -> ast.AST:
         self.generic_visit(node)
-        power = node.right.value if isinstance(node.op, ast.Pow) and isinstance(node.right, ast.Constant) else None
+        power = (
+            node.right.value
+            if isinstance(node.op, ast.Pow) and isinstance(node.right, ast.Constant)
+            else None
+        )
         if isinstance(power, int) and power in POWERS:
             name = ast.Name(f"_power_{power}", ast.Load())
             return ast.copy_location(ast.Call(name, [node.left], []), node)
         if isinstance(node.op, ast.MatMult):
-            return ast.copy_location(ast.Call(ast.Name("_dot", ast.Load()), [node.left, node.right], []), node)
+            return ast.copy_location(
+                ast.Call(ast.Name("_dot", ast.Load()), [node.left, node.right], []), node
+            )
         return node
 
 
@@ -94,7 +105,9 @@ class _Names(dict[str, Any]):
     """Names of a kernel's module; its kernels are those of this file."""
 
     def __init__(self, known: dict[str, Any]) -> None:
-        super().__init__({name: value for name, value in known.items() if not isinstance(value, Kernel)})
+        super().__init__(
+            {name: value for name, value in known.items() if not isinstance(value, Kernel)}
+        )
         self._known = known
 
     def __missing__(self, name: str) -> Any:
@@ -157,7 +170,9 @@ def bits(value: Any) -> Any:
         plain_number = value.dtype.kind == "f"
         return (np.where(np.isnan(value), np.nan, value) if plain_number else value).tobytes()
     if isinstance(value, bool | int | float | np.generic):
-        number = np.float64(value)  # where an integer stands for a real number, C has the real number
+        number = np.float64(
+            value
+        )  # where an integer stands for a real number, C has the real number
         return b"nan" if np.isnan(number) else number.tobytes()
     return value if value is None else repr(value)
 
@@ -218,7 +233,9 @@ class Comparison:
 
 @contextmanager
 def compared(most: int = 3) -> Iterator[Comparison]:
-    """Within it calls of kernels are compared: of each kernel the 1st, 2nd, 4th, 8th … so many times at most."""
+    """Within it calls of kernels are compared: of each kernel the 1st, 2nd, 4th, 8th … so many
+    times at most.
+    """
     comparison = Comparison()
 
     def call(kernel: Kernel, *arguments: Any, **named: Any) -> Any:
@@ -229,8 +246,17 @@ def compared(most: int = 3) -> Iterator[Comparison]:
         comparison.calls[name] += 1
         n = comparison.calls[name]
         short = bound.arguments.get("ticks", 0) <= LONGEST
-        chosen = short and n & (n - 1) == 0 and comparison.compared[name] < most and not share_memory(values)
-        return comparison.check(kernel, values) if chosen else super(Kernel, kernel).__call__(*arguments, **named)
+        chosen = (
+            short
+            and n & (n - 1) == 0
+            and comparison.compared[name] < most
+            and not share_memory(values)
+        )
+        return (
+            comparison.check(kernel, values)
+            if chosen
+            else super(Kernel, kernel).__call__(*arguments, **named)
+        )
 
     Kernel.__call__ = call  # type: ignore[method-assign]
     try:

@@ -13,20 +13,27 @@ GRAVITY = 9.81
 SHIFT, SHIFT_PERIOD = 0.05, 1.0
 """How far it sways, in heights of the body, and there and back, s."""
 STEP, CLEARANCE, BOTH = 1.6, 0.06, 0.2
-"""Duration of a step in √(height / g), height of a swing foot in heights, and share with every foot down."""
+"""Duration of a step in √(height / g), height of a swing foot in heights, and share with every foot
+down.
+"""
 DEEPER = 0.002
 """How far below the ground feet aim, m."""
 
 
 class OwnGait:
-    """Stands, sways to a side, or, on four feet, trots in place, in the posture in which its robot stands."""
+    """Stands, sways to a side, or, on four feet, trots in place, in the posture in which its robot
+    stands.
+    """
 
     def __init__(self, robot: hp.Robot, kind: str) -> None:
         self.robot, self.kind = robot, kind
         self._q, self._v = hp.Standing(robot).initial_state()
         data = robot.model.createData()
         pin.framesForwardKinematics(robot.model, data, self._q)
-        self._feet = np.array([data.oMf[robot.frame_id(name)].translation for name in robot.feet]) - self._q[:3]
+        self._feet = (
+            np.array([data.oMf[robot.frame_id(name)].translation for name in robot.feet])
+            - self._q[:3]
+        )
         self._height, self._target = float(self._q[2]), hp.GaitTarget(len(robot.feet))
         self._step = STEP * np.sqrt(self._height / GRAVITY)
         front, left = self._feet[:, 0] > self._feet[:, 0].mean(), self._feet[:, 1] > 0.0
@@ -43,7 +50,11 @@ class OwnGait:
         o.body[2], o.heading[0] = self._height, -self.robot.facing
         if self.kind == "sway":
             angle = rate * t
-            way = np.sin(angle) ** 2, rate * np.sin(2.0 * angle), 2.0 * rate**2 * np.cos(2.0 * angle)
+            way = (
+                np.sin(angle) ** 2,
+                rate * np.sin(2.0 * angle),
+                2.0 * rate**2 * np.cos(2.0 * angle),
+            )
             o.body[1::3] = SHIFT * self._height * np.array(way)
         o.foot_position[:] = self._feet + self._q[:3] - o.body[:3] - (0.0, 0.0, DEEPER)
         o.foot_velocity[:], o.foot_acceleration[:] = -o.body[3:6], -o.body[6:]
@@ -73,17 +84,22 @@ class Wrapped:
 
 
 def scaled(robot: hp.Robot, *, mass: float, length: float) -> hp.Robot:
-    """A robot of another size, with motors as strong as its weight and legs ask for, and its feet's places.
+    """A robot of another size, with motors as strong as its weight and legs ask for, and its feet's
+    places.
 
     Every mass is multiplied by ``mass``, every distance by ``length``.
     """
     model = robot.model.copy()
     for k, inertia in enumerate(robot.model.inertias):
-        model.inertias[k] = pin.Inertia(mass * inertia.mass, length * inertia.lever, mass * length**2 * inertia.inertia)
+        model.inertias[k] = pin.Inertia(
+            mass * inertia.mass, length * inertia.lever, mass * length**2 * inertia.inertia
+        )
     for k, place in enumerate(robot.model.jointPlacements):
         model.jointPlacements[k] = pin.SE3(place.rotation, length * place.translation)
     for k, frame in enumerate(robot.model.frames):
-        model.frames[k].placement = pin.SE3(frame.placement.rotation, length * frame.placement.translation)
+        model.frames[k].placement = pin.SE3(
+            frame.placement.rotation, length * frame.placement.translation
+        )
     model.effortLimit[6:] = mass * length * robot.model.effortLimit[6:]
     model.armature = mass * length**2 * robot.model.armature
     return replace(robot, model=model)

@@ -31,7 +31,9 @@ def make_run(robot: Robot, rows: int = 1001, **changes: Any) -> Run:
     t = 0.001 * np.arange(rows)
     q = np.tile(pin.neutral(model), (rows, 1))
     q[:, 0], q[:, 1], q[:, 2] = 0.3 * t, 0.02 * np.sin(4.0 * t), 0.6
-    q[:, 7:] = 0.3 * np.sin(5.0 * t[:, None] + np.arange(model.nq - 7)) + np.resize([0.0, -0.6, 1.2], model.nq - 7)
+    q[:, 7:] = 0.3 * np.sin(5.0 * t[:, None] + np.arange(model.nq - 7)) + np.resize(
+        [0.0, -0.6, 1.2], model.nq - 7
+    )
     for row in range(rows):
         roll = 0.1 * np.sin(3.0 * t[row])
         q[row, 3:7] = (np.sin(0.5 * roll), 0.0, 0.0, np.cos(0.5 * roll))
@@ -91,4 +93,6 @@ def content_of(page: str) -> dict[str, Any]:
 
 def commands_of(page: str) -> list[dict[str, Any]]:
     """The scene's commands, read back from a page."""
-    return [umsgpack.unpackb(base64.b64decode(text)) for text in content_of(page)["runs"][0]["commands"]]
+    return [
+        umsgpack.unpackb(base64.b64decode(text)) for text in content_of(page)["runs"][0]["commands"]
+    ]

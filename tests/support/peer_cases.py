@@ -19,7 +19,9 @@ CASES: dict[str, Callable[[], Case]] = cases(friction=0.25, duration=0.9, warm_u
 
 
 def elbow_case() -> Case:
-    """G1 with dry friction and damping in its joints, thrown, with an elbow that runs into its end."""
+    """G1 with dry friction and damping in its joints, thrown, with an elbow that runs into its
+    end.
+    """
     robot = hp.load_robot("g1").with_joints(friction=0.7, damping=0.3)
     gait = hp.Standing(robot)
     case = replace(CASES["g1 on soles, stands"](), gait=gait)
@@ -33,5 +35,9 @@ def elbow_case() -> Case:
         v[:6] = 0.6 * rng.standard_normal(6)  # more than the cones allow to catch: tasks compete
         dynamics.update(q, v)
         force = np.tile((0.0, 0.0, robot.mass * 9.81 / 8), (8, 1))
-        states.append(State(0.001 * k, q, v, dynamics.foot_position.copy(), dynamics.foot_velocity.copy(), force))
+        states.append(
+            State(
+                0.001 * k, q, v, dynamics.foot_position.copy(), dynamics.foot_velocity.copy(), force
+            )
+        )
     return replace(case, sequences=(StateSequence("elbow", tuple(states)),), first=0)

@@ -1,8 +1,9 @@
 """Every public callable, found by its name, with honest values of its arguments.
 
-Names come from the packages' ``__all__`` and from the pages of docs/reference, so a new public name is here the day it
-is added. An argument without a default needs an honest value: one in :data:`VALUES`, by its name, or in :data:`OWN`,
-by the name of its callable where others mean something else by it.
+Names come from the packages' ``__all__`` and from the pages of docs/reference, so a new public name
+is here the day it is added. An argument without a default needs an honest value: one in
+:data:`VALUES`, by its name, or in :data:`OWN`, by the name of its callable where others mean
+something else by it.
 """
 
 from __future__ import annotations
@@ -28,7 +29,17 @@ from harpy_pin.estimation import EstimatorSettings
 
 ROOT = Path(__file__).resolve().parents[2]
 PACKAGES = (
-    *("", ".controllers", ".export", ".gaits", ".governors", ".log", ".model", ".scenario", ".simulation"),
+    *(
+        "",
+        ".controllers",
+        ".export",
+        ".gaits",
+        ".governors",
+        ".log",
+        ".model",
+        ".scenario",
+        ".simulation",
+    ),
     *(".simulation.mujoco", ".view", ".wbc", ".wbc.condensed"),
     *(f".contrib.{name}" for name in ("batch", "flight", "gym", "shield_batch")),
 )
@@ -48,12 +59,18 @@ def public_names() -> dict[str, Any]:
             parent, _, name = path.rpartition(".")
             found[path] = getattr(importlib.import_module(f"harpy_pin.{parent}".rstrip(".")), name)
     once = {id(value): (name, value) for name, value in reversed(found.items())}
-    found = {name: value for name, value in sorted(once.values(), key=lambda pair: pair[0]) if _attacked(value)}
+    found = {
+        name: value
+        for name, value in sorted(once.values(), key=lambda pair: pair[0])
+        if _attacked(value)
+    }
     return {name: value for name, value in found.items() if name not in NOT_CALLED}
 
 
 def _attacked(value: Any) -> bool:
-    """Functions, kernels, and classes of which users make objects: no protocols, enumerations or exceptions."""
+    """Functions, kernels, and classes of which users make objects: no protocols, enumerations or
+    exceptions.
+    """
     if inspect.isclass(value):
         return not (issubclass(value, Exception | Enum) or getattr(value, "_is_protocol", False))
     return callable(value) and get_origin(value) is None
@@ -82,7 +99,9 @@ class Attached:
 
 @cache
 def values() -> dict[str, Any]:
-    """Honest values by the name of the argument; with that of the callable in front, where it means something else."""
+    """Honest values by the name of the argument; with that of the callable in front, where it means
+    something else.
+    """
     robot = hp.load_harpy()
     gait = hp.make_gait(robot)
     simulator, dynamics = hp.Simulator(robot), hp.Dynamics(robot)
@@ -98,33 +117,115 @@ def values() -> dict[str, Any]:
     fitting = vars(WholeBodyParameters.for_gait(gait))
     return {
         **{f"controllers.WholeBodyParameters.{name}": value for name, value in fitting.items()},
-        **{f"wbc.WholeBodyWeights.{name}": value for name, value in vars(fitting["weights"]).items()},
-        **{"robot": robot, "gait": gait, "state": simulator.state, "command": command, "run": run, "q": q, "v": v},
-        **{"simulator": simulator, "dynamics": dynamics, "ground": hp.Ground(), "mu": 0.25, "t": 0.0, "dt": 1e-3},
-        **{"task": Yaw(), "scenario": hp.Scenario(duration=0.01), "problem": problem, "program": program},
-        **{"torque": np.zeros(6), "thrust": feet, "n": 2, "mass": robot.mass, "period": 1e-3, "duration": 0.002},
-        **{"foot_position": feet, "foot_velocity": feet, "foot_force": feet, "signals": run.signals},
+        **{
+            f"wbc.WholeBodyWeights.{name}": value
+            for name, value in vars(fitting["weights"]).items()
+        },
+        **{
+            "robot": robot,
+            "gait": gait,
+            "state": simulator.state,
+            "command": command,
+            "run": run,
+            "q": q,
+            "v": v,
+        },
+        **{
+            "simulator": simulator,
+            "dynamics": dynamics,
+            "ground": hp.Ground(),
+            "mu": 0.25,
+            "t": 0.0,
+            "dt": 1e-3,
+        },
+        **{
+            "task": Yaw(),
+            "scenario": hp.Scenario(duration=0.01),
+            "problem": problem,
+            "program": program,
+        },
+        **{
+            "torque": np.zeros(6),
+            "thrust": feet,
+            "n": 2,
+            "mass": robot.mass,
+            "period": 1e-3,
+            "duration": 0.002,
+        },
+        **{
+            "foot_position": feet,
+            "foot_velocity": feet,
+            "foot_force": feet,
+            "signals": run.signals,
+        },
         **{"x": np.array([*q[:3], *v[:3], *np.zeros(3)]), "x_r": np.zeros(6), "w": np.zeros(6)},
-        **{"path": "/nowhere/run.npz", "folder": "/nowhere", "urdf": robot.urdf, "metadata": run.metadata},
-        **{"targets": controller.targets, "rotation": np.eye(3), "z": np.zeros(program.shape[0]), "held": np.ones(2)},
-        **{"foot": "left_foot", "joints": ("left_knee",), "frame": "left_foot", "name": "wbc", "stiffness": 8000.0},
-        **{"rows": rows, "runs": [(run, robot)], "target": controller.target, "velocity": np.zeros(3)},
-        **{"action": np.zeros(12), "actions": np.zeros((1, 12)), "begin": 0.0, "end": 1.0, "error": np.zeros(3)},
+        **{
+            "path": "/nowhere/run.npz",
+            "folder": "/nowhere",
+            "urdf": robot.urdf,
+            "metadata": run.metadata,
+        },
+        **{
+            "targets": controller.targets,
+            "rotation": np.eye(3),
+            "z": np.zeros(program.shape[0]),
+            "held": np.ones(2),
+        },
+        **{
+            "foot": "left_foot",
+            "joints": ("left_knee",),
+            "frame": "left_foot",
+            "name": "wbc",
+            "stiffness": 8000.0,
+        },
+        **{
+            "rows": rows,
+            "runs": [(run, robot)],
+            "target": controller.target,
+            "velocity": np.zeros(3),
+        },
+        **{
+            "action": np.zeros(12),
+            "actions": np.zeros((1, 12)),
+            "begin": 0.0,
+            "end": 1.0,
+            "error": np.zeros(3),
+        },
         **{"size": 4, "equalities": 1, "inequalities": 3, "bounded": 2, "offset": (0.0, 0.0, 0.01)},
-        **{"geometry": hp.model.LegGeometry.from_robot(robot, "left_foot"), "length": 0.1, "width": 0.05},
-        **{"h": np.zeros(7), "jacobian": np.zeros((7, 6)), "time": 0.0, "data": hp.Scenario().to_dict()},
+        **{
+            "geometry": hp.model.LegGeometry.from_robot(robot, "left_foot"),
+            "length": 0.1,
+            "width": 0.05,
+        },
+        **{
+            "h": np.zeros(7),
+            "jacobian": np.zeros((7, 6)),
+            "time": 0.0,
+            "data": hp.Scenario().to_dict(),
+        },
         **{"hip": (0.0, 0.1, 0.0), "upper": 0.3, "lower": 0.3, "impulse": (0.0, 1.0, 0.0)},
-        **{"matrix": np.zeros((1, 18)), "out": np.zeros(12), "parts": (rows,), "gravity": (0.0, 0.0, -9.81)},
+        **{
+            "matrix": np.zeros((1, 18)),
+            "out": np.zeros(12),
+            "parts": (rows,),
+            "gravity": (0.0, 0.0, -9.81),
+        },
         **{"friction": 0.5, "foot_radius": 0.02, "load": 10.0, "fall_height": 0.3, "settings": {}},
         **{"controller": controller, "force": np.ones((2, 3)), "depth": 0.01, "inverse_mass": 0.5},
         **{"imu": hp.Imu(), "gyroscope": np.zeros(3), "accelerometer": np.array([0.0, 0.0, 9.81])},
         **{"joint_position": q[7:], "joint_velocity": np.zeros(6), "joint_torque": np.zeros(6)},
-        "readings": hp.Readings(0.0, np.zeros(3), np.array([0.0, 0.0, 9.81]), q[7:], np.zeros(6), np.zeros(6)),
+        "readings": hp.Readings(
+            0.0, np.zeros(3), np.array([0.0, 0.0, 9.81]), q[7:], np.zeros(6), np.zeros(6)
+        ),
         "Readings.foot_force": np.zeros(2),
         "Estimator.settings": EstimatorSettings(),
         "simulation.sensing.EstimatedState.plant": simulator,
         "simulation.sensing.EstimatedState.estimator": hp.Estimator(robot),
-        **{"terrain": hp.ground.Plane(slope=0.1), "heights": ((0.0, 0.1), (0.2, 0.3)), "y": np.zeros(9)},
+        **{
+            "terrain": hp.ground.Plane(slope=0.1),
+            "heights": ((0.0, 0.1), (0.2, 0.3)),
+            "y": np.zeros(9),
+        },
         **{"normal_error": 0.01, "lag": 0.1, "walks": True},
         "contrib.flight.FlyingGait.gait": hp.make_commanded_gait(robot),
         "contrib.flight.FlyingGait.flights": Fly(),
@@ -135,14 +236,19 @@ def values() -> dict[str, Any]:
         "simulation.contact_step.friction": np.ones((2, 3)),
         "simulation.contact_step.ground": hp.Ground().record,
         "simulation.contact_step.force": np.zeros(6),
-        "contrib.battery.Battery.plant": hp.Simulator(robot, actuators=hp.Actuators(thrusters={"largest": 40.0})),
+        "contrib.battery.Battery.plant": hp.Simulator(
+            robot, actuators=hp.Actuators(thrusters={"largest": 40.0})
+        ),
         **{
             f"{name}.part": Attached()
             for name in ("Simulator", "simulation.PinocchioPlant", "simulation.mujoco.MujocoPlant")
         },
         "contrib.shield_batch.ShieldBatch.q": np.tile(q, (2, 1)),
         "contrib.shield_batch.ShieldBatch.v": np.tile(v, (2, 1)),
-        **{f"contrib.shield_batch.ShieldBatch.{name}": np.zeros((2, 2, 3)) for name in ("foot_force", "thrust")},
+        **{
+            f"contrib.shield_batch.ShieldBatch.{name}": np.zeros((2, 2, 3))
+            for name in ("foot_force", "thrust")
+        },
         "contrib.shield_batch.ShieldBatch.torque": np.zeros((2, 6)),
         "contrib.batch.CondensedBatch.q": np.tile(q, (2, 1)),
         "contrib.batch.CondensedBatch.v": np.tile(v, (2, 1)),
@@ -157,7 +263,9 @@ def values() -> dict[str, Any]:
         "scenario.gaits_of.robot": "harpy",
         "model.leg_inverse_kinematics.foot": np.array([0.0, 0.1, -0.5]),
         "model.solve_ik.targets": {"left_foot": np.array([0.0, 0.1, 0.0])},
-        **dict.fromkeys(("Standing.robot", "WalkingGait.robot", "scenario.Stand.robot", "Walking.robot"), solo),
+        **dict.fromkeys(
+            ("Standing.robot", "WalkingGait.robot", "scenario.Stand.robot", "Walking.robot"), solo
+        ),
         "load_robot.feet": robot.feet,
         "WholeBodyController.weight": 0.1,
         "wbc.AddedTasks.weight": 0.1,
@@ -188,16 +296,33 @@ def objects() -> dict[str, Any]:
 
 
 MADE_BY_THE_LIBRARY = (
-    *("log.Measures", "contrib.shield.ShieldReport", "scenario.Setting", "contrib.batch.BatchTargets"),
+    *(
+        "log.Measures",
+        "contrib.shield.ShieldReport",
+        "scenario.Setting",
+        "contrib.batch.BatchTargets",
+    ),
     *("export.Exportable", "export.Exported", "contrib.power.Power"),
     *("governors.GovernorStatus", "contrib.shield.ShieldAnswer", "model.IKResult", "Robot"),
     *("wbc.QPSolution", "scenario.Walk", "Interrupted"),
-    *("model.CatalogueRobot", "model.KnownRobot", "wbc.AddedTask", "simulation.mujoco.Conventions", "wbc.BuiltInTask"),
+    *(
+        "model.CatalogueRobot",
+        "model.KnownRobot",
+        "wbc.AddedTask",
+        "simulation.mujoco.Conventions",
+        "wbc.BuiltInTask",
+    ),
     "MujocoBridge",
 )
 """Classes whose objects users get and do not make."""
 BASES = (
-    *("scenario.ControllerPart", "scenario.GaitPart", "scenario.Part", "scenario.PlantPart", "simulation.Plant"),
+    *(
+        "scenario.ControllerPart",
+        "scenario.GaitPart",
+        "scenario.Part",
+        "scenario.PlantPart",
+        "simulation.Plant",
+    ),
     *("wbc.WholeBodyProblem", "wbc.QPSolver"),
 )
 """Classes that others are derived from; those are attacked."""
@@ -218,7 +343,10 @@ def honest(name: str, function: Callable[..., Any]) -> dict[str, Any]:
     """Honest values of the arguments of a function or method."""
     found = {}
     for argument, parameter in inspect.signature(function).parameters.items():
-        if argument == "self" or parameter.kind in (parameter.VAR_KEYWORD, parameter.VAR_POSITIONAL):
+        if argument == "self" or parameter.kind in (
+            parameter.VAR_KEYWORD,
+            parameter.VAR_POSITIONAL,
+        ):
             continue
         named = f"{name}.{argument}"
         if named in values():
@@ -232,7 +360,9 @@ def honest(name: str, function: Callable[..., Any]) -> dict[str, Any]:
 
 
 def calls(name: str, public: Any) -> Iterator[tuple[str, Callable[..., Any], dict[str, Any]]]:
-    """The callables of a public name: itself and the public methods of one object, with honest arguments."""
+    """The callables of a public name: itself and the public methods of one object, with honest
+    arguments.
+    """
     made = objects().get(name)
     if name not in (*MADE_BY_THE_LIBRARY, *BASES):
         given = honest(name, public)
@@ -242,7 +372,9 @@ def calls(name: str, public: Any) -> Iterator[tuple[str, Callable[..., Any], dic
     if not inspect.isclass(public) or made is None:
         return
     for method, function in inspect.getmembers(public):
-        own = (inspect.isfunction(function) or inspect.ismethod(function)) and "harpy_pin" in function.__module__
+        own = (
+            inspect.isfunction(function) or inspect.ismethod(function)
+        ) and "harpy_pin" in function.__module__
         called = method in OPERATORS or not method.startswith(("_", *METHODS_NOT_CALLED))
         if own and called:
             yield f"{name}.{method}", getattr(made, method), honest(name, function)

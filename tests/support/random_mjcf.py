@@ -1,4 +1,6 @@
-"""Random MJCF files: trees under a free joint, with classes, frames, units and sections in any order."""
+"""Random MJCF files: trees under a free joint, with classes, frames, units and sections in any
+order.
+"""
 
 import xml.etree.ElementTree as ET
 
@@ -8,7 +10,9 @@ MESH = "0 0 0  0.2 0 0  0 0.3 0  0 0 0.1  0.1 0.1 0.2"
 
 
 class RandomFile:
-    """One file. ``refused`` is in the message where the robot is none, ``feet`` are frames of its limbs' ends."""
+    """One file. ``refused`` is in the message where the robot is none, ``feet`` are frames of its
+    limbs' ends.
+    """
 
     def __init__(self, seed):
         self.rng = np.random.default_rng(seed)
@@ -78,14 +82,19 @@ class RandomFile:
 
     def inertia(self, body):
         if self.yes():
-            inertial = ET.SubElement(body, "inertial", pos=self.numbers(3, 0.1), mass=str(self.rng.uniform(0.2, 5.0)))
+            inertial = ET.SubElement(
+                body, "inertial", pos=self.numbers(3, 0.1), mass=str(self.rng.uniform(0.2, 5.0))
+            )
             if self.yes():
                 root = self.rng.normal(size=(3, 3))
                 full = root @ root.T
                 full = 0.05 * (np.trace(full) * np.eye(3) - full)
                 inertial.set(
                     "fullinertia",
-                    " ".join(str(full[i, j]) for i, j in zip((0, 1, 2, 0, 0, 1), (0, 1, 2, 1, 2, 2), strict=True)),
+                    " ".join(
+                        str(full[i, j])
+                        for i, j in zip((0, 1, 2, 0, 0, 1), (0, 1, 2, 1, 2, 2), strict=True)
+                    ),
                 )
             else:
                 inertial.set("diaginertia", "0.03 0.04 0.05")
@@ -98,9 +107,16 @@ class RandomFile:
                 geom.set("mass", "1.3")
 
     def shape(self):
-        kind = self.rng.choice(["sphere", "box", "capsule", "cylinder", "ellipsoid", "mesh", "ends"])
+        kind = self.rng.choice(
+            ["sphere", "box", "capsule", "cylinder", "ellipsoid", "mesh", "ends"]
+        )
         if kind == "ends":
-            return {"type": "capsule", "fromto": self.numbers(6, 0.2), "size": "0.03", "class": "main"}
+            return {
+                "type": "capsule",
+                "fromto": self.numbers(6, 0.2),
+                "size": "0.03",
+                "class": "main",
+            }
         if kind == "mesh":
             return {"type": "mesh", "mesh": "wedge", "pos": self.numbers(3, 0.1)}
         return {"type": str(kind), "size": "0.1 0.2 0.15", **self.turn()}
@@ -124,18 +140,24 @@ class RandomFile:
                 self.joint(body, f"joint{number}_{k}")
         if self.yes(0.2):
             copies = ET.SubElement(body, "replicate", count="2", offset="0.1 0 0", sep="-")
-            self.inertia(ET.SubElement(copies, "body", name=f"payload{number}", pos=self.numbers(3, 0.1)))
+            self.inertia(
+                ET.SubElement(copies, "body", name=f"payload{number}", pos=self.numbers(3, 0.1))
+            )
         if length > 1:
             self.limb(body, length - 1)
         else:
             kind = self.rng.choice(["site", "geom"])
-            end = ET.SubElement(body, kind, name=f"foot{number}", pos=self.numbers(3, 0.1), **self.turn())
+            end = ET.SubElement(
+                body, kind, name=f"foot{number}", pos=self.numbers(3, 0.1), **self.turn()
+            )
             if kind == "geom":
                 end.set("size", "0.02 0.02 0.02")
             self.feet.append(f"foot{number}")
 
     def joint(self, body, name):
-        joint = ET.SubElement(body, "joint", name=name, pos=self.numbers(3, 0.1), axis=self.numbers(3))
+        joint = ET.SubElement(
+            body, "joint", name=name, pos=self.numbers(3, 0.1), axis=self.numbers(3)
+        )
         kind = str(self.rng.choice(["hinge", "hinge", "slide", "class"]))
         if kind == "class":  # and its axis and range
             del joint.attrib["axis"]
@@ -156,12 +178,16 @@ class RandomFile:
         for name in self.joints if self.yes() else ():
             kind = str(self.rng.choice(["motor", "motor", "position"]))
             more = {"armature": "0.003", "damping": "0.2"} if self.yes() else {}
-            motor = ET.SubElement(found, kind, joint=name, gear=str(self.rng.choice([-3.0, 0.5, 8.0])), **more)
+            motor = ET.SubElement(
+                found, kind, joint=name, gear=str(self.rng.choice([-3.0, 0.5, 8.0])), **more
+            )
             for limit in ("ctrlrange", "forcerange"):
                 if self.yes():
                     motor.set(limit, f"{-self.rng.uniform(1.0, 5.0)} {self.rng.uniform(1.0, 5.0)}")
         tied = self.yes(0.05) and not self.refused
         equality = ET.Element("equality")
-        ET.SubElement(equality, "weld", body1="base", body2="door", active="true" if tied else "false")
+        ET.SubElement(
+            equality, "weld", body1="base", body2="door", active="true" if tied else "false"
+        )
         self.refused = "<weld>" if tied else self.refused
         return [found, equality]

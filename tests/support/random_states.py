@@ -31,4 +31,11 @@ def draw(robot, rng, *, legs=None, feet=None):
     for k in range(2):
         if (rng.random() < 0.7) if feet is None else feet[k]:
             force[k] = 10.0 ** rng.uniform(0.5, 4.0) * rng.uniform((-1.0, -1.0, 0.5), 1.0)
-    return hp.State(rng.uniform(0.0, 10.0), q, v, rng.standard_normal((2, 3)), rng.standard_normal((2, 3)), force)
+    return hp.State(
+        rng.uniform(0.0, 10.0),
+        q,
+        v,
+        rng.standard_normal((2, 3)),
+        rng.standard_normal((2, 3)),
+        force,
+    )

@@ -25,7 +25,9 @@ def joint(kind, rng):
 
 
 def random_model(seed):
-    """A free flyer that carries a random tree with each kind of joint; their order, and so all sizes, are the same."""
+    """A free flyer that carries a random tree with each kind of joint; their order, and so all
+    sizes, are the same.
+    """
     rng = np.random.default_rng(seed)
     model = pin.Model()
     model.name = "tree"
@@ -33,10 +35,14 @@ def random_model(seed):
     model.appendBodyToJoint(parent, pin.Inertia.Random(), pin.SE3.Identity())
     for i in range(1, BODIES):
         place = pin.SE3(pin.exp3(rng.normal(size=3)), rng.normal(size=3))
-        parent = int(rng.choice(model.supports[i].tolist()[1:]))  # depth first, as Pinocchio wants it
+        parent = int(
+            rng.choice(model.supports[i].tolist()[1:])
+        )  # depth first, as Pinocchio wants it
         number = model.addJoint(parent, joint(KINDS[i % len(KINDS)], rng), place, f"joint{i}")
         root = rng.normal(size=(3, 3))
-        inertia = pin.Inertia(rng.uniform(0.1, 3.0), rng.normal(size=3), root @ root.T + 0.1 * np.eye(3))
+        inertia = pin.Inertia(
+            rng.uniform(0.1, 3.0), rng.normal(size=3), root @ root.T + 0.1 * np.eye(3)
+        )
         model.appendBodyToJoint(number, inertia, pin.SE3.Identity())
     model.armature = np.concatenate((np.zeros(6), rng.uniform(0.0, 0.5, model.nv - 6)))
     model.gravity.linear = rng.uniform(-10, 10, 3)

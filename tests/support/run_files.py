@@ -24,7 +24,9 @@ def make_run(rows=7, **metadata):
     signals["t"] = 0.5 + 1e-3 * np.arange(rows)
     signals["tick_ns"] = np.arange(rows)
     signals["held"] = np.arange(rows) % 2 == 0
-    return Run(signals, {"ending": "completed", "dt": 5e-4, "nested": {"mu": [0.25, 0.8]}, **metadata})
+    return Run(
+        signals, {"ending": "completed", "dt": 5e-4, "nested": {"mu": [0.25, 0.8]}, **metadata}
+    )
 
 
 def same(one, two):

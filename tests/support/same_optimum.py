@@ -10,8 +10,10 @@ from harpy_pin.wbc.condensed import CondensedSolver, CondensedStatus
 
 
 def same_optimum(robot, states, weights, limits, formulations, *, spread, most):
-    """At random targets, a support after the other, with at most so much normal force: the same forces and inputs, and
-    always within every limit; returns how often thrusts were at a limit, and forces at that of their pyramid."""
+    """At random targets, a support after the other, with at most so much normal force: the same
+    forces and inputs, and always within every limit; returns how often thrusts were at a limit, and
+    forces at that of their pyramid.
+    """
     dynamics, rng = hp.Dynamics(robot), np.random.default_rng(0)
     law, free = CondensedSolver(robot, weights, limits), robot.n_thrust - len(robot.rotors)
     problems = [make_problem(name, robot, weights, limits) for name in formulations]
@@ -32,7 +34,9 @@ def same_optimum(robot, states, weights, limits, formulations, *, spread, most):
             assert solver.solve(problem.program).usable
             problem.inputs(solver.solution.z, inputs)
             np.testing.assert_allclose(found, inputs, rtol=0, atol=1e-4)
-            np.testing.assert_allclose(law.force, problem.contact_force(solver.solution.z), rtol=0, atol=1e-4)
+            np.testing.assert_allclose(
+                law.force, problem.contact_force(solver.solution.z), rtol=0, atol=1e-4
+            )
         force, thrust = law.force[targets.held > 0.0], found[free : robot.n_thrust]
         assert (limits.pyramid @ force.T >= -1e-9).all()
         assert ((force[:, 2] >= 0.5 - 1e-9) & (force[:, 2] <= most + 1e-9)).all()

@@ -36,7 +36,13 @@ from reproduction.gait.planar_walk import PlanarWalk
 from reproduction.gait.spatial import make_named_gait
 from reproduction.margin import MarginGovernor
 from reproduction.vlip_model import AngleRow, leg_force, multiplier
-from reproduction.vlip_simulation import VLIP_GOVERNORS, cartesian, simulate_vlip, vlip_governor, vlip_setting
+from reproduction.vlip_simulation import (
+    VLIP_GOVERNORS,
+    cartesian,
+    simulate_vlip,
+    vlip_governor,
+    vlip_setting,
+)
 
 GAINS = CentreGains(k_pt=660.0, k_dt=60.0, k_pr=300.0, k_dr=30.0)
 SCENES: dict[str, Callable[[], object]] = {}
@@ -60,11 +66,17 @@ def library_kernels() -> dict[str, Kernel]:
         loaded = importlib.import_module(module.name)
         named = dict(vars(loaded))
         tables = {name: value for name, value in named.items() if isinstance(value, dict)}
-        entries = {f"{name}[{key}]": value for name, table in tables.items() for key, value in table.items()}
+        entries = {
+            f"{name}[{key}]": value
+            for name, table in tables.items()
+            for key, value in table.items()
+        }
         named |= entries
         for name, entry in entries.items():  # or several kernels of one entry
             if is_dataclass(entry) and not isinstance(entry, type):
-                named |= {f"{name}.{part.name}": getattr(entry, part.name) for part in fields(entry)}
+                named |= {
+                    f"{name}.{part.name}": getattr(entry, part.name) for part in fields(entry)
+                }
         for name, value in named.items():
             # Kernels in tables may be made by a function of another module.
             if isinstance(value, Kernel) and ("[" in name or value.__module__ == module.name):
@@ -75,12 +87,19 @@ def library_kernels() -> dict[str, Kernel]:
 PUSH = (hp.Push(0.002, (0.0, 2.0, 0.0)),)
 NOISE = hp.Noise.typical(0.5)
 MOTORS = hp.Actuators(bandwidth=50.0, torque_share=0.8, viscous_friction=1.0, coulomb_friction=0.3)
-LATE = hp.Actuators(thrusters=hp.Thrusters(lag=0.02, rate=500.0, least=0.5, largest=40.0, turning_lag=0.03))
+LATE = hp.Actuators(
+    thrusters=hp.Thrusters(lag=0.02, rate=500.0, least=0.5, largest=40.0, turning_lag=0.03)
+)
 WORN = hp.Actuators(thrusters=hp.Thrusters(largest=40.0, failing=(0, 0.1, 0.5)), no_load_speed=20.0)
 KNOWN_LAG = {"parameters": {"thrust_lag": 0.02, "thrust_turning_lag": 0.03}}
 FRICTION = {"parameters": {"estimate_friction": True}}
 SLANTED = hp.ground.HeightField(heights=((0.0, 0.1), (0.0, 0.1)))
-TERRAINS = (hp.ground.Plane(slope=0.2, heading=0.4), hp.ground.Stairs(start=-0.1), hp.ground.Rough(), SLANTED)
+TERRAINS = (
+    hp.ground.Plane(slope=0.2, heading=0.4),
+    hp.ground.Stairs(start=-0.1),
+    hp.ground.Rough(),
+    SLANTED,
+)
 BRIEF = {"duration": 0.01}
 WALKS: dict[str, list[dict[str, Any]]] = {
     **{f"governor {name}": [{"controller": hp.Governed(governor=name)}] for name in GOVERNORS},
@@ -94,21 +113,40 @@ WALKS: dict[str, list[dict[str, Any]]] = {
     "condensed": [{}],
     "commanded": [
         *(
-            {"controller": name, "gait": hp.Commanded(velocity=(0.3, 0.1, 0.5)), "noise": NOISE, "delay": 1e-3}
+            {
+                "controller": name,
+                "gait": hp.Commanded(velocity=(0.3, 0.1, 0.5)),
+                "noise": NOISE,
+                "delay": 1e-3,
+            }
             for name in ("condensed", "wbc")
         ),
         {"controller": hp.Governed(limits=True, evaluate_at="tracked"), "plant": "mujoco"},
     ],
-    "actuators": [{"controller": hp.Condensed(parameters={"estimate_joint_friction": True}), "actuators": MOTORS}],
+    "actuators": [
+        {
+            "controller": hp.Condensed(parameters={"estimate_joint_friction": True}),
+            "actuators": MOTORS,
+        }
+    ],
     "thrusters": [
-        *({"controller": kind(**KNOWN_LAG), "actuators": LATE} for kind in (hp.Condensed, hp.WholeBody)),
+        *(
+            {"controller": kind(**KNOWN_LAG), "actuators": LATE}
+            for kind in (hp.Condensed, hp.WholeBody)
+        ),
         {"actuators": LATE, "plant": "mujoco"},
         *({"actuators": WORN, "plant": plant} for plant in ("compliant", "mujoco")),
     ],
     "terrain": [
         *({"terrain": terrain, **BRIEF} for terrain in TERRAINS),
-        *({"controller": part, "slope": 0.2, **BRIEF} for part in (hp.WholeBody(), hp.WholeBody(**FRICTION))),
-        *({"controller": hp.Governed(governor="filter", **more), "slope": 0.2, **BRIEF} for more in ({}, FRICTION)),
+        *(
+            {"controller": part, "slope": 0.2, **BRIEF}
+            for part in (hp.WholeBody(), hp.WholeBody(**FRICTION))
+        ),
+        *(
+            {"controller": hp.Governed(governor="filter", **more), "slope": 0.2, **BRIEF}
+            for more in ({}, FRICTION)
+        ),
         *({"plant": plant, "slope": 0.2, **BRIEF} for plant in ("compliant", "mujoco")),
     ],
     "loops": [
@@ -135,9 +173,18 @@ WALKS: dict[str, list[dict[str, Any]]] = {
 """Walks of scenes: pushed, on a ground that is slippery enough for limits to be active."""
 if installed_data() is not None:  # point feet step over what is higher, and soles stand on it
     WALKS["terrain"] += [
-        {"robot": "go2", "terrain": hp.ground.Stairs(start=0.2), "mu_s": 0.6, "stiffness": 75e3, **BRIEF},
+        {
+            "robot": "go2",
+            "terrain": hp.ground.Stairs(start=0.2),
+            "mu_s": 0.6,
+            "stiffness": 75e3,
+            **BRIEF,
+        },
         {"robot": "go2", "slope": 0.2, "stiffness": 75e3, **BRIEF},
-        *({"robot": name, "slope": 0.1, "stiffness": 1e5, "duration": 0.005} for name in ("go2", "g1")),
+        *(
+            {"robot": name, "slope": 0.1, "stiffness": 1e5, "duration": 0.005}
+            for name in ("go2", "g1")
+        ),
     ]
 
 
@@ -161,7 +208,11 @@ def joint_targets() -> None:
     motors = {"joint_stiffness": 1.0, "joint_damping": 0.3}
     own = motors | {"solver": "active_set"}
     parts = [hp.WholeBody(parameters=own | {"formulation": name}) for name in FORMULATIONS]
-    for part in (*parts, hp.Condensed(parameters=motors), hp.Condensed(parameters=motors | {"thrust_lag": 0.02})):
+    for part in (
+        *parts,
+        hp.Condensed(parameters=motors),
+        hp.Condensed(parameters=motors | {"thrust_lag": 0.02}),
+    ):
         motion = hp.build(hp.Scenario(controller=part, duration=0.01))
         motion.run()
         motion.controller.step(hp.State(np.nan, *motion.controller._sample))
@@ -192,7 +243,9 @@ def bridged() -> None:
 @scene
 def battery() -> None:
     """A battery behind the thrusters."""
-    plant = hp.Simulator(hp.load_harpy(), actuators=hp.Actuators(thrusters=hp.Thrusters(largest=40.0)))
+    plant = hp.Simulator(
+        hp.load_harpy(), actuators=hp.Actuators(thrusters=hp.Thrusters(largest=40.0))
+    )
     plant.attach(Battery())
     started(plant, hp.make_gait(plant.robot)).advance(hp.Command(np.zeros(6), np.ones((2, 3))))
 
@@ -226,7 +279,9 @@ def whole_body() -> None:
     q, v = hp.make_gait(robot).initial_state()
     feet = np.zeros((2, 3))
     tasks = {
-        hp.FrameTask("base", part="both", position=q[:3], rotation=np.eye(3), gains=(100.0, 20.0)): 1.0,
+        hp.FrameTask(
+            "base", part="both", position=q[:3], rotation=np.eye(3), gains=(100.0, 20.0)
+        ): 1.0,
         hp.FrameTask("right_foot", acceleration=(30.0, -20.0, 90.0)): 10.0,
         hp.CentreOfMassTask(acceleration=(8.0, -6.0, 1.0)): 5.0,
         hp.JointTask(robot.joints, position=q[7:], gains=(100.0, 20.0)): 0.01,
@@ -259,7 +314,9 @@ def in_place() -> None:
 
 @scene
 def parts() -> None:
-    """Normals of terrains, a task on a force on a slope, and gaits that stand and walk on soles and on points."""
+    """Normals of terrains, a task on a force on a slope, and gaits that stand and walk on soles and
+    on points.
+    """
     for kind in TERRAINS:
         kind.normal([0.1], [0.2])
 
@@ -272,7 +329,11 @@ def parts() -> None:
     if installed_data() is not None:
         robot = hp.load_robot("g1")
         walking = hp.WalkingGait(hp.load_robot("bolt"), velocity=(0.1, 0.0, 0.0))
-        for gait in (hp.Standing(robot, shift=(0.01, 0.0, 0.0), shift_period=1.0), walking, hp.WalkingGait(robot)):
+        for gait in (
+            hp.Standing(robot, shift=(0.01, 0.0, 0.0), shift_period=1.0),
+            walking,
+            hp.WalkingGait(robot),
+        ):
             walked(gait, duration=0.01)
 
 
@@ -303,7 +364,9 @@ def reduced() -> None:
         setting = replace(vlip_setting(name), duration=0.02)
         simulate_vlip(vlip_governor(setting, name=name), setting)
     rows = ForceRows(mass=4.0, mu=0.45, min_normal_force=20.0, gains=GAINS)
-    erg = hp.ExplicitReferenceGovernor(StackedRows([rows, AngleRow()]), alpha_r=1.0, alpha_t=5.0, alpha_n=2.0)
+    erg = hp.ExplicitReferenceGovernor(
+        StackedRows([rows, AngleRow()]), alpha_r=1.0, alpha_t=5.0, alpha_n=2.0
+    )
     for governor in (
         hp.ExplicitReferenceGovernor(rows, alpha_r=1.0, alpha_t=5.0, alpha_n=2.0),
         MarginGovernor(mass=4.0, mu=0.45, k_p=300.0, k_d=30.0),
@@ -327,7 +390,9 @@ def exported() -> None:
     if installed_data() is not None:
         for law in ({}, {"joint_stiffness": 20.0, "joint_damping": 0.5}):
             robot, part = hp.load_robot("go2"), {"name": "condensed", **law}
-            motion = hp.build(hp.Scenario(controller=part, duration=0.01), gait=hp.WalkingGait(robot))
+            motion = hp.build(
+                hp.Scenario(controller=part, duration=0.01), gait=hp.WalkingGait(robot)
+            )
             _tick_alone(motion, exportable_walk(motion.controller))
 
 

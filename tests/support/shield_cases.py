@@ -11,7 +11,9 @@ AT_ONCE = hp.ContactForceFilterParameters(lag=0.0)
 
 
 def draw(rng, *, size, supports=((1, 1), (1, 0), (0, 1))):
-    """A state near standing, on one foot or two, and a command about as large as a walk's times ``size``."""
+    """A state near standing, on one foot or two, and a command about as large as a walk's times
+    ``size``.
+    """
     q = pin.integrate(ROBOT.model, STANDING, 0.1 * rng.standard_normal(12))
     v = 0.02 * rng.standard_normal(12)
     force = np.zeros((2, 3))

@@ -3,15 +3,23 @@
 from math import atan2
 
 PLACES = {"front": (0.12, 0.06), "middle": (0.0, 0.1), "hind": (-0.12, 0.06)}
-"""Where the legs of the left side begin, in the frame of the body, m; those of the right side mirrored."""
+"""Where the legs of the left side begin, in the frame of the body, m; those of the right side
+mirrored.
+"""
 LINKS = (("coxa", 0.052, 0.06), ("femur", 0.066, 0.1), ("tibia", 0.138, 0.06))
-"""Name, length in m and mass in kg of the links of a leg: the first one turns about the vertical, the others bend."""
+"""Name, length in m and mass in kg of the links of a leg: the first one turns about the vertical,
+the others bend.
+"""
 LIMITS = ((-1.0, 1.0), (-1.6, 1.6), (-0.5, 2.6))
 """Ranges of the three joints, rad."""
 
 
-def sprawling_urdf(rows: tuple[str, ...] = tuple(PLACES), *, limits: tuple[tuple[float, float], ...] = LIMITS) -> str:
-    """A robot of 2.6 kg with six legs, or of those rows, with frames ``left_front_foot`` and so on at their ends."""
+def sprawling_urdf(
+    rows: tuple[str, ...] = tuple(PLACES), *, limits: tuple[tuple[float, float], ...] = LIMITS
+) -> str:
+    """A robot of 2.6 kg with six legs, or of those rows, with frames ``left_front_foot`` and so on
+    at their ends.
+    """
     text = _link("body", 1.3, 0.24)
     for side, sign in (("left", 1), ("right", -1)):
         for row in rows:
@@ -34,4 +42,7 @@ def _link(name: str, mass: float, length: float) -> str:
     """A link with the inertia of a ball as large as half of its length, in its frame."""
     moment = 0.1 * mass * length**2
     inertia = f'ixx="{moment}" iyy="{moment}" izz="{moment}" ixy="0" ixz="0" iyz="0"'
-    return f'<link name="{name}"><inertial><mass value="{mass}"/><inertia {inertia}/></inertial></link>'
+    return (
+        f'<link name="{name}"><inertial><mass value="{mass}"/><inertia '
+        f"{inertia}/></inertial></link>"
+    )

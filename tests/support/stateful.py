@@ -1,4 +1,6 @@
-"""Every public object that keeps arrays between calls, with something that it answers when it is used."""
+"""Every public object that keeps arrays between calls, with something that it answers when it is
+used.
+"""
 
 from __future__ import annotations
 
@@ -43,7 +45,9 @@ def _control(controller: Any, ticks: int = 5) -> list[np.ndarray]:
     answers = []
     for k in range(ticks):
         t = SAMPLE.t + 1e-3 * k
-        state = hp.State(t, SAMPLE.q, SAMPLE.v + 0.01 * k, SAMPLE.foot_position, SAMPLE.foot_velocity, FORCE)
+        state = hp.State(
+            t, SAMPLE.q, SAMPLE.v + 0.01 * k, SAMPLE.foot_position, SAMPLE.foot_velocity, FORCE
+        )
         command = controller.step(state)
         answers += [command.torque.copy(), command.thrust.copy()]
     return answers
@@ -116,11 +120,17 @@ def _act(worlds: Any) -> list[np.ndarray]:
 
 
 def _measure(sensors: Any) -> list[np.ndarray]:
-    return [array for _ in range(4) for array in (lambda s: (s.q, s.v, s.foot_force))(sensors.measure(SAMPLE))]
+    return [
+        array
+        for _ in range(4)
+        for array in (lambda s: (s.q, s.v, s.foot_force))(sensors.measure(SAMPLE))
+    ]
 
 
 def assert_equal(name: str, answer: Any, wanted: Any) -> None:
-    """Two answers of a case have the same digits; but for those of ProxQP, which depend on where its memory lies."""
+    """Two answers of a case have the same digits; but for those of ProxQP, which depend on where
+    its memory lies.
+    """
     if "ProxQP" in name:
         np.testing.assert_allclose(answer, wanted, rtol=0, atol=1e-6)
     else:
@@ -140,13 +150,22 @@ CASES: dict[str, Case] = {
     "WholeBodyController": _walker("wbc", solver="active_set"),
     "WholeBodyController, ProxQP": _walker("wbc"),
     "estimating": _walker("condensed", estimate_friction=True, estimate_joint_friction=True),
-    **{f"{name}, lag": _walker(name, thrust_lag=0.1, **own_search(name)) for name in ("condensed", "wbc")},
+    **{
+        f"{name}, lag": _walker(name, thrust_lag=0.1, **own_search(name))
+        for name in ("condensed", "wbc")
+    },
     **{f"governed, {name}": _walker("governed", governor=name) for name in controllers.GOVERNORS},
     "StraightGait": (lambda: hp.make_gait(ROBOT), _follow),
     "CommandedGait": (lambda: hp.make_commanded_gait(ROBOT, [(0.0, 0.2, 0.1, 0.3)]), _follow),
-    "WalkingGait": (lambda: hp.WalkingGait(ROBOT, velocity=(0.2, 0.1, 0.3), posture=LEVEL), _follow),
+    "WalkingGait": (
+        lambda: hp.WalkingGait(ROBOT, velocity=(0.2, 0.1, 0.3), posture=LEVEL),
+        _follow,
+    ),
     "ContactForceFilter": (lambda: hp.ContactForceFilter(ROBOT), _filter),
-    "ExplicitReferenceGovernor": (lambda: hp.ExplicitReferenceGovernor(ForceRows(mass=ROBOT.mass, mu=0.2)), _bend),
+    "ExplicitReferenceGovernor": (
+        lambda: hp.ExplicitReferenceGovernor(ForceRows(mass=ROBOT.mass, mu=0.2)),
+        _bend,
+    ),
 }
 
 
@@ -179,7 +198,11 @@ def holders(made: Any, seen: set[int]) -> Iterator[Any]:
         parts = list(made.values())
     elif type(made).__module__.startswith("harpy_pin") and not isinstance(made, np.ndarray):
         yield made
-        parts = [getattr(made, name, None) for kind in type(made).__mro__ for name in getattr(kind, "__slots__", ())]
+        parts = [
+            getattr(made, name, None)
+            for kind in type(made).__mro__
+            for name in getattr(kind, "__slots__", ())
+        ]
         parts += list(getattr(made, "__dict__", {}).values())
     else:
         return

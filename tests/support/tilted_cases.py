@@ -43,10 +43,14 @@ def smallest_rotation(normal: np.ndarray) -> np.ndarray:
 
 def random_normal(rng: np.random.Generator, steepest: float) -> np.ndarray:
     angle, heading = rng.uniform(0.0, steepest), rng.uniform(-np.pi, np.pi)
-    return np.array([np.sin(angle) * np.cos(heading), np.sin(angle) * np.sin(heading), np.cos(angle)])
+    return np.array(
+        [np.sin(angle) * np.cos(heading), np.sin(angle) * np.sin(heading), np.cos(angle)]
+    )
 
 
-def fill(target: GaitTarget, rng: np.random.Generator, *, steepest: float = 0.7, size: float = 2.0) -> None:
+def fill(
+    target: GaitTarget, rng: np.random.Generator, *, steepest: float = 0.7, size: float = 2.0
+) -> None:
     """Random targets of the body, and random normals; which feet carry, too."""
     target.body[:] = 0.0
     target.body[:3] = STANDING[:3]
@@ -68,11 +72,15 @@ def random_state(rng: np.random.Generator, target: GaitTarget, *, spread: float 
 
 
 def parameters(limits: WholeBodyLimits, **settings) -> WholeBodyParameters:
-    return WholeBodyParameters.for_gait(hp.make_gait(ROBOT), weights=WEIGHTS, limits=limits, **settings)
+    return WholeBodyParameters.for_gait(
+        hp.make_gait(ROBOT), weights=WEIGHTS, limits=limits, **settings
+    )
 
 
 def sloped_case(controller, rng: np.random.Generator, *, spread: float = 0.1):
-    """A random state on random normals, the command at it, and the independent program that it should solve."""
+    """A random state on random normals, the command at it, and the independent program that it
+    should solve.
+    """
     target = controller.gait.target
     fill(target, rng)
     state = random_state(rng, target, spread=spread)
@@ -81,6 +89,13 @@ def sloped_case(controller, rng: np.random.Generator, *, spread: float = 0.1):
     frames = np.array([smallest_rotation(normal) for normal in target.normal])
     own, given = controller.targets, controller.parameters
     feet = np.einsum("kij,kj->ki", frames, own.feet)
-    others = {name: getattr(own, name) for name in ("body", "orientation", "joints", "held", "force_range")}
+    others = {
+        name: getattr(own, name)
+        for name in ("body", "orientation", "joints", "held", "force_range")
+    }
     world = SimpleNamespace(feet=feet, **others)
-    return state, command, oracle(state.q, state.v, world, given.limits, given.weights, frames=frames)
+    return (
+        state,
+        command,
+        oracle(state.q, state.v, world, given.limits, given.weights, frames=frames),
+    )

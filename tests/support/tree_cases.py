@@ -1,4 +1,6 @@
-"""Robots with tasks and contacts for the whole-body optimum, and the same program written densely from Pinocchio."""
+"""Robots with tasks and contacts for the whole-body optimum, and the same program written densely
+from Pinocchio.
+"""
 
 from __future__ import annotations
 
@@ -18,8 +20,13 @@ from harpy_pin.wbc.tree import WholeBodySolver
 LIMITS = WholeBodyLimits(mu=0.8, friction_share=0.75)
 DAMPING = 20.0
 SCALE = 1e4
-"""Factor on the objective for the reference: its forces are as exact as its gradient over their small weight."""
-HANDS = {"g1": ("left_wrist_yaw_link", "right_wrist_yaw_link"), "talos": ("arm_left_7_link", "arm_right_7_link")}
+"""Factor on the objective for the reference: its forces are as exact as its gradient over their
+small weight.
+"""
+HANDS = {
+    "g1": ("left_wrist_yaw_link", "right_wrist_yaw_link"),
+    "talos": ("arm_left_7_link", "arm_right_7_link"),
+}
 TORSO = {"g1": "torso_link", "talos": "torso_2_link"}
 WORLD = pin.LOCAL_WORLD_ALIGNED
 
@@ -52,19 +59,37 @@ class Case:
         step = spread * rng.standard_normal(model.nv)
         step[:6] *= 0.6
         for task in self.tasks:
-            for name, scale in {"acceleration": 3.0, "rate": 3.0, "velocity": 0.3, "momentum": 0.3}.items():
+            for name, scale in {
+                "acceleration": 3.0,
+                "rate": 3.0,
+                "velocity": 0.3,
+                "momentum": 0.3,
+            }.items():
                 if hasattr(task, name):
-                    getattr(task, name)[:] = size * scale * rng.standard_normal(getattr(task, name).shape)
-        solver.contact_acceleration[:] = 0.5 * size * rng.standard_normal(solver.contact_acceleration.shape)
+                    getattr(task, name)[:] = (
+                        size * scale * rng.standard_normal(getattr(task, name).shape)
+                    )
+        solver.contact_acceleration[:] = (
+            0.5 * size * rng.standard_normal(solver.contact_acceleration.shape)
+        )
         feet = np.zeros((len(self.robot.feet), 3))
-        return hp.State(0.0, pin.integrate(model, self.q, step), 0.3 * rng.standard_normal(model.nv), feet, feet, feet)
+        return hp.State(
+            0.0,
+            pin.integrate(model, self.q, step),
+            0.3 * rng.standard_normal(model.nv),
+            feet,
+            feet,
+            feet,
+        )
 
     def answer(self, solution):
         """[a; f; u] of a solution."""
         return np.concatenate((solution.acceleration, solution.force.ravel(), solution.thrust))
 
     def contact_rows(self, data, state):
-        """J and the acceleration demanded of every foot that is held: three rows of a point, six of a sole."""
+        """J and the acceleration demanded of every foot that is held: three rows of a point, six of
+        a sole.
+        """
         model, rows, values, first = self.robot.model, [], [], 0
         for k, corners in enumerate(self.robot.corners):
             names = self.robot.feet[first : first + corners]
@@ -73,7 +98,9 @@ class Case:
                 continue
             frames = [model.frames[self.robot.frame_id(name)] for name in names]
             joint, n = frames[0].parentJoint, 3 if corners == 1 else 6
-            arm = data.oMi[joint].rotation @ np.mean([frame.placement.translation for frame in frames], axis=0)
+            arm = data.oMi[joint].rotation @ np.mean(
+                [frame.placement.translation for frame in frames], axis=0
+            )
             jacobian = pin.getJointJacobian(model, data, joint, WORLD)
             jacobian[:3] -= pin.skew(arm) @ jacobian[3:]
             drift = pin.getClassicalAcceleration(model, data, joint, WORLD)
@@ -103,11 +130,17 @@ class Case:
         for matrix, target, weight in squares:
             hessian[:nv, :nv] += matrix.T @ (weight[:, None] * matrix)
             gradient[:nv] -= matrix.T @ (weight * target)
-        feet = [pin.getFrameJacobian(model, data, robot.frame_id(name), WORLD)[:3] for name in robot.feet]
+        feet = [
+            pin.getFrameJacobian(model, data, robot.frame_id(name), WORLD)[:3]
+            for name in robot.feet
+        ]
         outer = np.vstack([np.zeros((0, nv)), *feet, self.dynamics.thruster_jacobian])
         mass = mass_matrix(model, state.q)
         bias = pin.nle(model, model.createData(), state.q, state.v) + model.damping * state.v
-        equality = [np.hstack((mass[:6], -outer[:, :6].T)), np.hstack((rows, np.zeros((len(rows), forces + thrusts))))]
+        equality = [
+            np.hstack((mass[:6], -outer[:, :6].T)),
+            np.hstack((rows, np.zeros((len(rows), forces + thrusts)))),
+        ]
         bounds, identity = [], np.eye(nv + forces + thrusts)
         held = np.repeat(solver.held, robot.corners)
         for k in range(len(held)):
@@ -115,7 +148,13 @@ class Case:
             if held[k] == 0.0:
                 equality.append(own)
                 continue
-            bounds.append((LIMITS.pyramid @ own, np.zeros(len(LIMITS.pyramid)), np.full(len(LIMITS.pyramid), 1e20)))
+            bounds.append(
+                (
+                    LIMITS.pyramid @ own,
+                    np.zeros(len(LIMITS.pyramid)),
+                    np.full(len(LIMITS.pyramid), 1e20),
+                )
+            )
             bounds.append((own[2:], *solver.force_range[k, :, None]))
         bounds.append((identity[nv + forces :], *solver.record["newton"]["thrust_range"][0].T))
         equality = np.vstack(equality)
@@ -146,7 +185,9 @@ def solve_quadprog(program):
     hessian, gradient, equality, value, rows, lower, upper = program
     matrix, least = np.vstack((equality, rows, -rows)), np.concatenate((value, lower, -upper))
     known = least > -1e19
-    return quadprog.solve_qp(SCALE * hessian, -SCALE * gradient, matrix[known].T, least[known], len(value))[0]
+    return quadprog.solve_qp(
+        SCALE * hessian, -SCALE * gradient, matrix[known].T, least[known], len(value)
+    )[0]
 
 
 def legged(name, *, held=None, regularisation=1e-3):
@@ -159,21 +200,29 @@ def legged(name, *, held=None, regularisation=1e-3):
 def _base_and_swing(robot, held):
     base = robot.model.names[1]
     tasks = {hp.FrameTask(base): 1.0, hp.FrameTask(base, part="orientation", axes="local"): 0.25}
-    return tasks | {hp.FrameTask(foot): 12.0 for foot, on in zip(robot.feet, held or (), strict=False) if not on}
+    return tasks | {
+        hp.FrameTask(foot): 12.0 for foot, on in zip(robot.feet, held or (), strict=False) if not on
+    }
 
 
 def humanoid(name, *, held=None):
-    """A humanoid on soles with tasks of torso, both hands, centre of mass, angular momentum and joints."""
+    """A humanoid on soles with tasks of torso, both hands, centre of mass, angular momentum and
+    joints.
+    """
     robot = hp.load_robot(name)
     tasks = {hp.FrameTask(TORSO[name], part="orientation"): 1.0, hp.CentreOfMassTask(): 5.0}
-    tasks |= {hp.FrameTask(hand, part="both"): (1.0, 1.0, 1.0, 0.2, 0.2, 0.2) for hand in HANDS[name]}
+    tasks |= {
+        hp.FrameTask(hand, part="both"): (1.0, 1.0, 1.0, 0.2, 0.2, 0.2) for hand in HANDS[name]
+    }
     tasks[hp.JointTask(robot.joints)] = np.linspace(1e-3, 3e-2, len(robot.joints))
     tasks[MomentumTask()] = 1e-2
     return Case(robot, hp.gaits.Standing(robot).initial_state()[0], tasks, held)
 
 
 def _link(model, joint, mass, size, centre):
-    model.appendBodyToJoint(joint, pin.Inertia.FromBox(mass, *size), pin.SE3(np.eye(3), np.array(centre)))
+    model.appendBodyToJoint(
+        joint, pin.Inertia.FromBox(mass, *size), pin.SE3(np.eye(3), np.array(centre))
+    )
 
 
 def legs_of(kinds, lengths, places, *, sole=False, angles, height):
@@ -189,13 +238,17 @@ def legs_of(kinds, lengths, places, *, sole=False, angles, height):
             joint = model.addJoint(joint, kind(), pin.SE3(np.eye(3), origin), f"leg{leg}_{n}")
             _link(model, joint, 1.0, (0.05, 0.05, max(length, 0.05)), (0.0, 0.0, -0.5 * length))
             origin = np.array((0.0, 0.0, -length))
-        corners = [(x, y, 0.0) for x in (0.1, -0.1) for y in (0.04, -0.04)] if sole else [(0.0, 0.0, 0.0)]
+        corners = (
+            [(x, y, 0.0) for x in (0.1, -0.1) for y in (0.04, -0.04)] if sole else [(0.0, 0.0, 0.0)]
+        )
         for n, corner in enumerate(corners):
             feet.append(f"foot{leg}_{n}")
             place = pin.SE3(np.eye(3), origin + corner)
             model.addFrame(pin.Frame(feet[-1], joint, 0, place, pin.FrameType.OP_FRAME))
     q = np.concatenate(((0.0, 0.0, height, 0.0, 0.0, 0.0, 1.0), np.tile(angles, len(places))))
-    robot = hp.Robot(model, None, tuple(feet), (), np.inf, flat_feet=(4,) * len(places) if sole else ())
+    robot = hp.Robot(
+        model, None, tuple(feet), (), np.inf, flat_feet=(4,) * len(places) if sole else ()
+    )
     return robot, q
 
 
@@ -217,13 +270,17 @@ def two_joints(*, held=None, compliance=0.0):
 
 
 def random_tree(seed):
-    """A tree with joints of all kinds, point feet and a sole anywhere on it, and tasks of any frames and joints."""
+    """A tree with joints of all kinds, point feet and a sole anywhere on it, and tasks of any
+    frames and joints.
+    """
     model, rng = random_model(seed)
     bodies = rng.integers(2, model.njoints, size=3)
     feet = []
     for n, joint in enumerate(bodies):
         turn = pin.exp3(rng.normal(size=3))
-        for corner in ((0.1, 0.1), (0.1, -0.1), (-0.1, 0.1), (-0.1, -0.1)) if n == 2 else ((0.0, 0.0),):
+        for corner in (
+            ((0.1, 0.1), (0.1, -0.1), (-0.1, 0.1), (-0.1, -0.1)) if n == 2 else ((0.0, 0.0),)
+        ):
             feet.append(f"foot{len(feet)}")
             place = pin.SE3(turn, turn @ np.array((*corner, 0.3)))
             model.addFrame(pin.Frame(feet[-1], int(joint), 0, place, pin.FrameType.OP_FRAME))

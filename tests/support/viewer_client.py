@@ -25,8 +25,12 @@ def commands_in(message: bytes) -> Iterator[dict[str, Any]]:
         at += 4 + length
 
 
-def messages(viewer: Viewer, count: int, meanwhile: Callable[[], None] = lambda: None) -> list[Commands]:
-    """The first messages that a browser gets: the whole scene, then frames; something else is done between them."""
+def messages(
+    viewer: Viewer, count: int, meanwhile: Callable[[], None] = lambda: None
+) -> list[Commands]:
+    """The first messages that a browser gets: the whole scene, then frames; something else is done
+    between them.
+    """
 
     async def listen() -> list[Commands]:
         address = viewer.url.replace("http", "ws", 1).removesuffix("static/")
@@ -47,7 +51,9 @@ def messages(viewer: Viewer, count: int, meanwhile: Callable[[], None] = lambda:
 
 
 class SlowBrowser(AbstractContextManager["SlowBrowser"]):
-    """A connection whose messages are not read for a while, with little room for them on their way."""
+    """A connection whose messages are not read for a while, with little room for them on their
+    way.
+    """
 
     def __init__(self, viewer: Viewer) -> None:
         host, _, port = viewer.url.split("/")[2].partition(":")
@@ -56,7 +62,9 @@ class SlowBrowser(AbstractContextManager["SlowBrowser"]):
         self._socket.connect((host, int(port)))
         upgrade = "Connection: Upgrade\r\nUpgrade: websocket\r\nSec-WebSocket-Version: 13\r\n"
         key = "Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n"
-        self._socket.sendall(f"GET / HTTP/1.1\r\nHost: {host}:{port}\r\n{upgrade}{key}\r\n".encode())
+        self._socket.sendall(
+            f"GET / HTTP/1.1\r\nHost: {host}:{port}\r\n{upgrade}{key}\r\n".encode()
+        )
         self._socket.recv(1)
 
     def read_until_quiet(self) -> list[Commands]:

@@ -29,7 +29,9 @@ def scenario(**settings):
 
 
 def walked(own_gait=None, *, make=None, on_tick=None, **settings):
-    """A walk of such a scenario, with a gait of one's own, or a controller that a function makes of the gait."""
+    """A walk of such a scenario, with a gait of one's own, or a controller that a function makes of
+    the gait.
+    """
     return hp.walk(scenario(**settings), gait=own_gait, controller=make, on_tick=on_tick)
 
 
@@ -40,7 +42,9 @@ def started(plant, gait):
 
 
 def put(plant, *, x=0.0, z=None, v=None):
-    """The plant, with its robot in its neutral posture: as deep in the ground as it sinks, or at a height, m."""
+    """The plant, with its robot in its neutral posture: as deep in the ground as it sinks, or at a
+    height, m.
+    """
     q = pin.neutral(plant.robot.model)
     q[0], q[2] = x, -plant.static_penetration if z is None else z
     plant.reset(q, np.zeros(plant.robot.model.nv) if v is None else np.array(v))
@@ -50,7 +54,9 @@ def put(plant, *, x=0.0, z=None, v=None):
 def states_of(run):
     """The logged states."""
     names = ("t", "q", "v", "foot_position", "foot_velocity", "foot_force")
-    return [hp.State(float(t), *rest) for t, *rest in zip(*(run[name] for name in names), strict=True)]
+    return [
+        hp.State(float(t), *rest) for t, *rest in zip(*(run[name] for name in names), strict=True)
+    ]
 
 
 def assert_same(run, other):
@@ -60,12 +66,32 @@ def assert_same(run, other):
         np.testing.assert_array_equal(run[name], other[name], err_msg=name)
 
 
-def walk(gait, *, mu=0.6, duration=3.0, plant="compliant", terrain=None, pushes=(), on_tick=None, **disturbances):
-    """A walk on ground into which the robot sinks by 2 mm; pushes are (time, velocity that they would give)."""
+def walk(
+    gait,
+    *,
+    mu=0.6,
+    duration=3.0,
+    plant="compliant",
+    terrain=None,
+    pushes=(),
+    on_tick=None,
+    **disturbances,
+):
+    """A walk on ground into which the robot sinks by 2 mm; pushes are (time, velocity that they
+    would give).
+    """
     mass = gait.robot.mass
     shoves = tuple(hp.Push(t, tuple(mass * np.array(velocity))) for t, velocity in pushes)
     ground = {"mu_s": mu, "stiffness": mass * 9.81 / 2e-3, "terrain": terrain}
-    return walked(gait, on_tick=on_tick, duration=duration, plant=plant, pushes=shoves, **ground, **disturbances)
+    return walked(
+        gait,
+        on_tick=on_tick,
+        duration=duration,
+        plant=plant,
+        pushes=shoves,
+        **ground,
+        **disturbances,
+    )
 
 
 def slip_per_step(run):
@@ -79,7 +105,9 @@ def path_error(run):
 
 
 def gap_of_rectangles(corner):
-    """Distance along an edge's normal of two rectangles with these (2, 4, 2) corners, m; negative if they overlap."""
+    """Distance along an edge's normal of two rectangles with these (2, 4, 2) corners, m; negative
+    if they overlap.
+    """
     apart = -np.inf
     for rectangle in corner:
         sides = rectangle[1:] - rectangle[0]

@@ -1,4 +1,6 @@
-"""The whole-body program, written again from Pinocchio's functions and NumPy, and random states for it."""
+"""The whole-body program, written again from Pinocchio's functions and NumPy, and random states for
+it.
+"""
 
 from __future__ import annotations
 
@@ -17,7 +19,9 @@ MU = 0.5
 STANDING = hp.make_gait(ROBOT).initial_state()[0]
 SUPPORTS = ((1.0, 1.0), (1.0, 0.0), (0.0, 1.0), (0.0, 0.0))
 WEIGHTS = WholeBodyWeights(**{**tuned_parameters(ROBOT)["weights"], "posture": 1e-10})
-"""The condensed controller has no posture task: limbs leave no posture free. The whole-body program must have one."""
+"""The condensed controller has no posture task: limbs leave no posture free. The whole-body program
+must have one.
+"""
 
 
 def random_case(seed: int):
@@ -36,7 +40,9 @@ def random_case(seed: int):
 
 
 def wild_case(rng, *, spread):
-    """A state around standing, targets however far from what is possible, and which feet are held."""
+    """A state around standing, targets however far from what is possible, and which feet are
+    held.
+    """
     q = pin.integrate(ROBOT.model, STANDING, spread * rng.standard_normal(NV))
     v = 3.0 * spread * rng.standard_normal(NV)
     targets = WholeBodyTargets(ROBOT)
@@ -50,14 +56,19 @@ def wild_case(rng, *, spread):
 
 
 def oracle(q, v, targets, limits, weights=None, *, frames=None):
-    """The same program in [a; f; u], written from Pinocchio's functions and plain NumPy, least squares left as such.
+    """The same program in [a; f; u], written from Pinocchio's functions and plain NumPy, least
+    squares left as such.
 
-    All in world axes; the pyramids are about the third axes of ``frames`` (feet, 3, 3), by default the world's.
+    All in world axes; the pyramids are about the third axes of ``frames`` (feet, 3, 3), by default
+    the world's.
     """
     model, weights = ROBOT.model, weights or WholeBodyWeights.for_robot(ROBOT)
     mass, bias = mass_matrix(model, q), pin.nle(model, model.createData(), q, v)
     jacobians, drifts = frame_terms(model, (*ROBOT.feet, "base", *ROBOT.thrusters), q, v)
-    (*feet, (base_jacobian, base_drift)), mounts = [*zip(jacobians[:3], drifts[:3], strict=True)], jacobians[3:]
+    (*feet, (base_jacobian, base_drift)), mounts = (
+        [*zip(jacobians[:3], drifts[:3], strict=True)],
+        jacobians[3:],
+    )
     n = NV + 12
     rows, values = [], []
 
@@ -78,7 +89,9 @@ def oracle(q, v, targets, limits, weights=None, *, frames=None):
             task(weights.swing, jacobian, targets.feet[k] - drift)
     a, b = np.vstack(rows), np.concatenate(values)
 
-    to_torque = np.hstack([mass, *(-j.T for j, _ in feet), *(-j.T for j in mounts)])  # M a − Jᵀf − Jᵀu
+    to_torque = np.hstack(
+        [mass, *(-j.T for j, _ in feet), *(-j.T for j in mounts)]
+    )  # M a − Jᵀf − Jᵀu
     equality, equality_value = [to_torque[:6]], [-bias[:6]]
     inequality, upper = [], []
     for k, (jacobian, drift) in enumerate(feet):
@@ -109,7 +122,14 @@ def oracle(q, v, targets, limits, weights=None, *, frames=None):
         side = limits.lateral_thrust * ROBOT.thrust_limit
         up = np.sqrt(ROBOT.thrust_limit**2 - 2.0 * side**2)
         upper += [side, side, up] * 2
-    return a, b, np.vstack(equality), np.concatenate(equality_value), np.array(inequality), np.array(upper)
+    return (
+        a,
+        b,
+        np.vstack(equality),
+        np.concatenate(equality_value),
+        np.array(inequality),
+        np.array(upper),
+    )
 
 
 def solve_oracle(case):
@@ -118,6 +138,11 @@ def solve_oracle(case):
     sense = np.array([5] * len(equality) + [0] * len(inequality), dtype=np.int32)
     lower = np.concatenate((equality_value, np.full(len(upper), -1e30)))
     z, _, flag, _ = daqp.solve(
-        a.T @ a, -a.T @ b, np.ascontiguousarray(matrix), np.concatenate((equality_value, upper)), lower, sense
+        a.T @ a,
+        -a.T @ b,
+        np.ascontiguousarray(matrix),
+        np.concatenate((equality_value, upper)),
+        lower,
+        sense,
     )
     return z, flag

@@ -100,9 +100,14 @@ def test_what_happens_in_a_fall_is_not_the_moment(robot: Robot) -> None:
 
 def walked(robot: Robot, **changes: Any) -> Run:
     """A run that says of itself what walked."""
-    part = {"name": changes.pop("controller", "condensed"), "governor": changes.pop("governor", "paper")}
+    part = {
+        "name": changes.pop("controller", "condensed"),
+        "governor": changes.pop("governor", "paper"),
+    }
     scenario = {"controller": part}
-    return make_run(robot, metadata={"scenario": scenario, **changes.pop("metadata", {})}, **changes)
+    return make_run(
+        robot, metadata={"scenario": scenario, **changes.pop("metadata", {})}, **changes
+    )
 
 
 def test_runs_are_named_and_told_apart(robot: Robot) -> None:
@@ -129,7 +134,9 @@ def test_scoreboard_marks_the_best_that_walked(robot: Robot) -> None:
         slip = np.linspace(0.0, path, 1001)[:, None] * np.array([1.0, 0.0])
         return make_run(robot, slip_path=slip, metadata={"ending": ending})
 
-    scores = {s.label: s for s in scoreboard([slipping(0.010), slipping(0.002), slipping(0.001, "fell")])}
+    scores = {
+        s.label: s for s in scoreboard([slipping(0.010), slipping(0.002), slipping(0.001, "fell")])
+    }
     assert scores["ending"].best == (0, 1)
     assert scores["ending"].values[2].startswith("fell at 1.00")
     assert scores["slip, mm per step"].best == (1,)
@@ -150,7 +157,9 @@ def test_packing_is_plain_letters_and_exact() -> None:
 @needs_robots
 @pytest.mark.parametrize("name", ["solo12", "g1"])
 def test_the_robot_of_a_log_is_found(robot: Robot, name: str) -> None:
-    """By its names and feet, whose corners are logged where feet are flat, or by what one says of it."""
+    """By its names and feet, whose corners are logged where feet are flat, or by what one says of
+    it.
+    """
     assert robot_of(make_run(robot, 5)).urdf == robot.urdf
     other = load_robot(name)
     run = make_run(other, 5)
@@ -208,7 +217,9 @@ def test_centre_of_pressure_is_between_the_feet(robot: Robot) -> None:
 
 
 def test_forces_outside_their_cone() -> None:
-    force = np.array([[3.0, 4.0, 10.0], [3.0, 4.0, 9.9], [0.0, 0.0, 0.0], [1.0, 0.0, -1.0], [0.0, 0.0, 5.0]])
+    force = np.array(
+        [[3.0, 4.0, 10.0], [3.0, 4.0, 9.9], [0.0, 0.0, 0.0], [1.0, 0.0, -1.0], [0.0, 0.0, 5.0]]
+    )
     mu, still = np.full(5, 0.5), np.zeros_like(force)
     used = Contacts(still, force, still, mu).used
     np.testing.assert_allclose(used, [1.0, 5.0 / 4.95, 0.0, 0.0, 0.0])
@@ -225,12 +236,20 @@ def test_ground_is_coloured_by_its_friction() -> None:
 
 
 def test_ice_is_drawn_where_it_is(robot: Robot) -> None:
-    ground = {"mu_s": 0.6, "cone": "circular", "friction_strips": [[0.2, 0.5, 0.1], [1.0, 1.5, 0.05]]}
+    ground = {
+        "mu_s": 0.6,
+        "cone": "circular",
+        "friction_strips": [[0.2, 0.5, 0.1], [1.0, 1.5, 0.05]],
+    }
     commands = commands_of(replay_html([(make_run(robot, 50, metadata={"ground": ground}), robot)]))
     for number, (begin, end, mu) in enumerate(ground["friction_strips"]):
         path = f"/meshcat/walk/ground/strip/{number + 1}"
-        (drawn,) = (c["object"] for c in commands if c["type"] == "set_object" and c["path"] == path)
-        (place,) = (c["matrix"][12:] for c in commands if c["path"] == path and c["type"] == "set_transform")
+        (drawn,) = (
+            c["object"] for c in commands if c["type"] == "set_object" and c["path"] == path
+        )
+        (place,) = (
+            c["matrix"][12:] for c in commands if c["path"] == path and c["type"] == "set_transform"
+        )
         width = drawn["geometries"][0]["width"]
         assert (place[0] - 0.5 * width, place[0] + 0.5 * width) == pytest.approx((begin, end))
         assert f"#{drawn['materials'][0]['color']:06x}" == ground_colour(mu)
@@ -238,15 +257,22 @@ def test_ice_is_drawn_where_it_is(robot: Robot) -> None:
 
 def test_power_is_that_of_a_battery_or_else_of_joints_and_fans(robot: Robot) -> None:
     """A battery's is the slope of its energies; without one a fan of 18 N takes 1 kW."""
-    time, thrust, torque, v = 0.001 * np.arange(1001), *(np.zeros((1001, *n)) for n in ((2, 3), (6,), (12,)))
+    time, thrust, torque, v = (
+        0.001 * np.arange(1001),
+        *(np.zeros((1001, *n)) for n in ((2, 3), (6,), (12,))),
+    )
     thrust[:, :, 2], torque[:, 4], v[:, 10] = 18.0, -3.0, 2.0
-    battery = {"battery_energy": time[:, None] * np.array([100.0, 0.0, 5.0, 40.0, 20.0, 10.0, 25.0])}
+    battery = {
+        "battery_energy": time[:, None] * np.array([100.0, 0.0, 5.0, 40.0, 20.0, 10.0, 25.0])
+    }
     without = {"thrust": thrust, "torque": torque, "v": v}
     for signals, desired in ((battery, (100.0, 60.0, 35.0)), (without, (2000.0, -6.0))):
         charts = content_of(replay_html([(make_run(robot, **signals), robot)]))["charts"]["charts"]
         (chart,) = (chart for chart in charts if chart["title"] == "power")
         for line, expected in zip(chart["lines"], desired, strict=True):
-            np.testing.assert_allclose([v for v in line["values"] if v is not None], expected, rtol=1e-3)
+            np.testing.assert_allclose(
+                [v for v in line["values"] if v is not None], expected, rtol=1e-3
+            )
     with pytest.raises(InputError, match="battery_energy"):
         replay_html([(make_run(robot, battery_energy=time), robot)])
 
@@ -256,11 +282,15 @@ def test_friction_that_changes_is_that_of_the_moment(robot: Robot) -> None:
     force = np.zeros((1001, 2, 3))
     force[:, 0] = (4.0, 0.0, 40.0)
     friction = np.where(np.arange(1001)[:, None] < 500, 0.8, 0.2) * np.ones((1, 2))
-    content = content_of(replay_html([(make_run(robot, foot_force=force, foot_friction=friction), robot)]))
+    content = content_of(
+        replay_html([(make_run(robot, foot_force=force, foot_friction=friction), robot)])
+    )
     shares = [row.split(" · ")[0] for row in content["runs"][0]["values"]["friction"]]
     assert (shares[0], shares[-1]) == ("12 %", "50 %")
     assert content["moment"]["time"] >= 0.5
-    chart = next(c for c in content["charts"]["charts"] if c["title"] == "friction force, left foot")
+    chart = next(
+        c for c in content["charts"]["charts"] if c["title"] == "friction force, left foot"
+    )
     bound = [value for value in chart["lines"][0]["values"] if value is not None]
     assert (bound[0], bound[-1]) == (32.0, 8.0)
 
@@ -284,7 +314,9 @@ def test_metadata_and_times_of_other_kinds_are_refused(robot: Robot) -> None:
 
 
 def ask(server: ReplayServer, request: bytes) -> bytes:
-    with socket.create_connection(("127.0.0.1", int(server.url.rstrip("/").rsplit(":", 1)[1])), timeout=10) as line:
+    with socket.create_connection(
+        ("127.0.0.1", int(server.url.rstrip("/").rsplit(":", 1)[1])), timeout=10
+    ) as line:
         line.sendall(request)
         with contextlib.suppress(OSError):  # the server may have hung up on nonsense already
             line.shutdown(socket.SHUT_WR)
@@ -301,7 +333,14 @@ def test_only_this_machine_is_answered(capfd: pytest.CaptureFixture[str]) -> Non
     with ReplayServer("<p>page</p>") as server:
         for host in ("localhost", "127.0.0.1:80", "[::1]:9000", "LOCALHOST:1"):
             assert b"<p>page</p>" in ask(server, f"GET / HTTP/1.1\r\nHost: {host}\r\n\r\n".encode())
-        strangers = ["evil.example", "localhost.evil.example", "127.0.0.1.nip.io", "localhost@evil", "[::1", "0.0.0.0"]
+        strangers = [
+            "evil.example",
+            "localhost.evil.example",
+            "127.0.0.1.nip.io",
+            "localhost@evil",
+            "[::1",
+            "0.0.0.0",
+        ]
         for host in ("", *strangers):
             answer = ask(server, f"GET / HTTP/1.1\r\nHost: {host}\r\n\r\n".encode())
             assert answer.startswith(b"HTTP/1.0 403")
@@ -316,7 +355,14 @@ def test_nonsense_and_closed_tabs_leave_the_server_alive(capfd: pytest.CaptureFi
     good = b"GET / HTTP/1.1\r\nHost: localhost\r\n\r\n"
     with ReplayServer("x" * 5_000_000) as server:
         port = int(server.url.rstrip("/").rsplit(":", 1)[1])
-        requests = [b"", b"\r\n" * 50, b"GET", b"GET / HTTP/9.9\r\n\r\n", b"POST / HTTP/1.1\r\n\r\n", b"G" * 100_000]
+        requests = [
+            b"",
+            b"\r\n" * 50,
+            b"GET",
+            b"GET / HTTP/9.9\r\n\r\n",
+            b"POST / HTTP/1.1\r\n\r\n",
+            b"G" * 100_000,
+        ]
         requests += [
             b"GET / HTTP/1.1\r\n" + b"a: b\r\n" * 500 + b"\r\n",
             b"GET /<script> HTTP/1.1\r\nHost: \xff\r\n\r\n",

@@ -1,4 +1,6 @@
-"""The replay page in a real browser, from disk and without a network: what is seen, scrubbed, clicked and filmed."""
+"""The replay page in a real browser, from disk and without a network: what is seen, scrubbed,
+clicked and filmed.
+"""
 
 from __future__ import annotations
 
@@ -36,16 +38,23 @@ def run(robot: Robot) -> Run:
 
 @pytest.fixture(scope="module")
 def address(tmp_path_factory: pytest.TempPathFactory, run: Run, robot: Robot) -> str:
-    return write_html([(run, robot)], tmp_path_factory.mktemp("page") / "walk.html", fps=FPS).as_uri()
+    return write_html(
+        [(run, robot)], tmp_path_factory.mktemp("page") / "walk.html", fps=FPS
+    ).as_uri()
 
 
 def show(browser: Any, address: str, *, width: int = 1000, height: int = 640) -> Any:
-    """A page at its first moment; ``said`` is what its console complains about, and what it asks for."""
+    """A page at its first moment; ``said`` is what its console complains about, and what it asks
+    for.
+    """
     viewport = {"width": width, "height": height}
     page = browser.new_page(viewport=viewport, is_mobile=width < 500, offline=True)
     page.set_default_timeout(90e3)
     page.said, page.asked = [], []
-    page.on("console", lambda said: page.said.append(said.text) if said.type in ("error", "assert") else None)
+    page.on(
+        "console",
+        lambda said: page.said.append(said.text) if said.type in ("error", "assert") else None,
+    )
     page.on("pageerror", lambda error: page.said.append(str(error)))
     page.on("request", lambda request: page.asked.append(request.url))
     page.goto(address)
@@ -101,9 +110,13 @@ def test_page_loads_nothing_and_opens_paused_at_its_moment(page: Any, address: s
     assert page.asked == [address]
     assert page.said == []
     assert page.evaluate("document.documentElement.dataset.state") == "paused"
-    assert page.evaluate("replay.time") == pytest.approx(page.evaluate("replay.content.moment.time"))
+    assert page.evaluate("replay.time") == pytest.approx(
+        page.evaluate("replay.content.moment.time")
+    )
     assert page.evaluate("replay.time") >= SLIDES
-    assert "left foot slides at 200 mm/s" in page.evaluate("document.getElementById('moment').textContent")
+    assert "left foot slides at 200 mm/s" in page.evaluate(
+        "document.getElementById('moment').textContent"
+    )
     assert page.evaluate("document.querySelectorAll('.chart canvas').length") >= 8
 
 
@@ -118,7 +131,9 @@ def test_scene_is_not_blank_and_moves(page: Any) -> None:
 
 
 def test_cone_is_red_where_the_log_says_that_the_foot_slides(page: Any, run: Run) -> None:
-    page.evaluate(f"{node('robot')}.visible = {node('reference')}.visible = {node('slip')}.visible = false")
+    page.evaluate(
+        f"{node('robot')}.visible = {node('reference')}.visible = {node('slip')}.visible = false"
+    )
 
     def reddish() -> int:
         red, green, blue = np.moveaxis(seen(page), -1, 0)
@@ -134,23 +149,33 @@ def test_cone_is_red_where_the_log_says_that_the_foot_slides(page: Any, run: Run
             assert page.evaluate(f"{node('friction_cone/left_foot/' + kind)}.visible") is desired
         assert (reddish() > 200) is slides
         assert (
-            "slides" in page.evaluate("document.getElementById('key').textContent.split('friction cone')[1]")[:12]
+            "slides"
+            in page.evaluate(
+                "document.getElementById('key').textContent.split('friction cone')[1]"
+            )[:12]
         ) is (slides)
-    page.evaluate(f"{node('robot')}.visible = {node('reference')}.visible = {node('slip')}.visible = true")
+    page.evaluate(
+        f"{node('robot')}.visible = {node('reference')}.visible = {node('slip')}.visible = true"
+    )
 
 
 def check_together(page: Any, run: Run, time: float) -> None:
     """Robot, charts, slider, clock and numbers show the frame next to this time."""
     assert page.evaluate("replay.time") == pytest.approx(time, abs=0.5 / FPS + 0.003)
     row = round(1e3 * page.evaluate("replay.time"))
-    place = page.evaluate(f"(() => {{ const p = {node('robot/root_joint')}.position; return [p.x, p.y, p.z]; }})()")
+    place = page.evaluate(
+        f"(() => {{ const p = {node('robot/root_joint')}.position; return [p.x, p.y, p.z]; }})()"
+    )
     np.testing.assert_allclose(place, run["q"][row, :3], atol=0.002)
     slider = page.evaluate("Number(document.getElementById('time').value)")
     assert slider == pytest.approx(page.evaluate("replay.time"), abs=1e-3)
     sideways = page.locator(".chart", has_text="sideways").locator("output").first.text_content()
     frame = round(1e3 * np.floor(page.evaluate("replay.time") * FPS + 1e-3) / FPS)
     assert float(sideways) == pytest.approx(1e3 * run["q"][frame, 1], rel=5e-3, abs=1e-3)
-    assert page.evaluate("document.getElementById('clock').textContent") == f"{page.evaluate('replay.time'):.2f} s"
+    assert (
+        page.evaluate("document.getElementById('clock').textContent")
+        == f"{page.evaluate('replay.time'):.2f} s"
+    )
     heads = page.evaluate(
         "replay.charts.plots.map((u) => [u.over.querySelector('.head').getBoundingClientRect().left"
         " - u.over.getBoundingClientRect().left, u.valToPos(replay.time, 'x')])"
@@ -172,7 +197,10 @@ def test_scrubbing_moves_robot_and_charts_together(page: Any, run: Run) -> None:
 
 
 def test_click_and_drag_on_a_chart_move_the_time(page: Any, run: Run) -> None:
-    chart, end = ".chart:nth-of-type(2) .u-over", page.evaluate("replay.charts.plots[0].scales.x.max")
+    chart, end = (
+        ".chart:nth-of-type(2) .u-over",
+        page.evaluate("replay.charts.plots[0].scales.x.max"),
+    )
     page.mouse.click(*place(page, chart, 0.25))
     check_together(page, run, 0.25 * end)
     page.mouse.move(*place(page, chart, 0.3))
@@ -190,11 +218,16 @@ def test_all_charts_zoom_together_and_follow_the_time(page: Any, run: Run) -> No
     assert spans[0][0] < 0.5 < spans[0][1]
     assert spans[0][1] - spans[0][0] == pytest.approx(0.5, rel=0.01)
     go(page, 0.95)
-    low, high = page.evaluate("[replay.charts.plots[0].scales.x.min, replay.charts.plots[0].scales.x.max]")
+    low, high = page.evaluate(
+        "[replay.charts.plots[0].scales.x.min, replay.charts.plots[0].scales.x.max]"
+    )
     assert low < 0.95 < high
     check_together(page, run, 0.95)
     page.evaluate("document.querySelector('.zoom button:last-child').click()")
-    assert page.evaluate("replay.charts.plots[0].scales.x.max - replay.charts.plots[0].scales.x.min") > 0.9
+    assert (
+        page.evaluate("replay.charts.plots[0].scales.x.max - replay.charts.plots[0].scales.x.min")
+        > 0.9
+    )
 
 
 def test_playing_goes_on_and_pausing_stops(page: Any) -> None:
@@ -244,7 +277,8 @@ def check_layout(page: Any, size: tuple[int, int], runs: int) -> None:
         for other_name, other in boxes[k + 1 :]:
             across = min(one[2], other[2]) - max(one[0], other[0])
             bottoms = [
-                b[3] if n in ("#bar", "header") else min(b[3], edge) for n, b in ((name, one), (other_name, other))
+                b[3] if n in ("#bar", "header") else min(b[3], edge)
+                for n, b in ((name, one), (other_name, other))
             ]
             along = min(bottoms) - max(one[1], other[1])
             assert min(across, along) < 1.0, (name, other_name)
@@ -287,16 +321,24 @@ def test_nothing_overlaps(browser: Any, page: Any, address: str) -> None:
 def test_runs_side_by_side_play_in_step_and_nothing_overlaps(
     browser: Any, run: Run, robot: Robot, tmp_path: Path
 ) -> None:
-    short = Run({name: signal[:501] for name, signal in run.signals.items()}, run.metadata | {"ending": "fell"})
+    short = Run(
+        {name: signal[:501] for name, signal in run.signals.items()},
+        run.metadata | {"ending": "fell"},
+    )
     names = ["long", "short", "long again"]
-    path = write_html([(run, robot), (short, robot), (run, robot)], tmp_path / "three.html", names=names)
+    path = write_html(
+        [(run, robot), (short, robot), (run, robot)], tmp_path / "three.html", names=names
+    )
     page = show(browser, path.as_uri(), width=DESK[0], height=DESK[1])
     go(page, 0.8)
     places = [
-        page.evaluate(f"{node('robot/root_joint').replace('scenes[0]', f'scenes[{k}]')}.position.x") for k in range(3)
+        page.evaluate(f"{node('robot/root_joint').replace('scenes[0]', f'scenes[{k}]')}.position.x")
+        for k in range(3)
     ]
     np.testing.assert_allclose(places, [0.3 * 0.8, 0.3 * 0.5, 0.3 * 0.8], atol=0.002)
-    captions = page.evaluate("[...document.querySelectorAll('figcaption')].map((c) => c.textContent)")
+    captions = page.evaluate(
+        "[...document.querySelectorAll('figcaption')].map((c) => c.textContent)"
+    )
     assert captions[0].startswith("long")
     assert captions[1] == "shortfell"
     rows = page.evaluate("[...document.querySelectorAll('#scores tr')].map((r) => r.textContent)")
@@ -319,19 +361,24 @@ def test_text_of_a_log_stays_text(browser: Any, robot: Robot, tmp_path: Path) ->
         attack: attack,
     }
     bad = make_run(robot, 100, metadata=metadata, **{attack: np.zeros(100)})
-    for runs, names, shown in (([bad] * 2, [attack, attack + "2"], "figcaption"), ([bad], None, "#facts")):
+    for runs, names, shown in (
+        ([bad] * 2, [attack, attack + "2"], "figcaption"),
+        ([bad], None, "#facts"),
+    ):
         path = write_html([(run, robot) for run in runs], tmp_path / "page.html", names=names)
         page = show(browser, path.as_uri())
-        assert attack.replace("\ud800", "\ufffd") in page.locator(shown).first.text_content().replace(
-            "\ud800", "\ufffd"
-        )
+        assert attack.replace("\ud800", "\ufffd") in page.locator(
+            shown
+        ).first.text_content().replace("\ud800", "\ufffd")
         assert page.locator("img, header b b").count() == 0
         assert page.locator("script").count() == 5
         assert page.said == []
         page.close()
 
 
-def test_fault_in_a_page_is_reported(browser: Any, run: Run, robot: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_fault_in_a_page_is_reported(
+    browser: Any, run: Run, robot: Robot, monkeypatch: pytest.MonkeyPatch
+) -> None:
     def broken(runs: Any, path: Path) -> Path:
         page = write_html(runs, path)
         page.write_text(page.read_text().replace("\nstart();", "\nnonsense();"))
@@ -351,7 +398,12 @@ def test_pictures_and_films(film: Film, tmp_path: Path, monkeypatch: pytest.Monk
     (alone,) = film.pictures(tmp_path / "moment.png", size=(300, 200))
     assert alone == tmp_path / "moment.png"
     with Image.open(film.save(tmp_path / "walk.gif", begin=0.2, end=0.6, size=(200, 200))) as gif:
-        assert (gif.size, gif.n_frames, gif.info["duration"], gif.info["loop"]) == ((200, 200), 6, 80, 0)
+        assert (gif.size, gif.n_frames, gif.info["duration"], gif.info["loop"]) == (
+            (200, 200),
+            6,
+            80,
+            0,
+        )
     with pytest.raises(InputError, match="end after its beginning"):
         film.save(tmp_path / "none.gif", begin=0.5, end=0.5)
     assert not (tmp_path / "none.gif").exists()
@@ -364,14 +416,18 @@ def test_pictures_and_films(film: Film, tmp_path: Path, monkeypatch: pytest.Monk
         film.save(tmp_path / "walk.mp4")
 
 
-def test_no_browser_is_a_clear_error(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, run: Run, robot: Robot) -> None:
+def test_no_browser_is_a_clear_error(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, run: Run, robot: Robot
+) -> None:
     monkeypatch.setenv("PATH", str(tmp_path))
     monkeypatch.setenv("PLAYWRIGHT_BROWSERS_PATH", str(tmp_path))
     with pytest.raises(HarpyError, match="no Chromium on PATH"):
         Film([(run, robot)])
 
 
-def test_no_playwright_is_a_clear_error(monkeypatch: pytest.MonkeyPatch, run: Run, robot: Robot) -> None:
+def test_no_playwright_is_a_clear_error(
+    monkeypatch: pytest.MonkeyPatch, run: Run, robot: Robot
+) -> None:
     monkeypatch.setitem(__import__("sys").modules, "playwright.sync_api", None)
     with pytest.raises(HarpyError, match=re.escape(install_line("film"))):
         Film([(run, robot)])

@@ -24,11 +24,17 @@ from harpy_pin.view.scene.scene import scene_of
 
 def ball(rings):
     """A ball of one metre as triangles."""
-    polar, turn = np.meshgrid(np.linspace(0.0, np.pi, rings), np.linspace(0.0, 2.0 * np.pi, 2 * rings), indexing="ij")
-    points = np.stack((np.sin(polar) * np.cos(turn), np.sin(polar) * np.sin(turn), np.cos(polar)), axis=-1)
+    polar, turn = np.meshgrid(
+        np.linspace(0.0, np.pi, rings), np.linspace(0.0, 2.0 * np.pi, 2 * rings), indexing="ij"
+    )
+    points = np.stack(
+        (np.sin(polar) * np.cos(turn), np.sin(polar) * np.sin(turn), np.cos(polar)), axis=-1
+    )
     number = np.arange(points[..., 0].size).reshape(points.shape[:2])
     a, b, c, d = number[:-1, :-1], number[1:, :-1], number[1:, 1:], number[:-1, 1:]
-    faces = np.concatenate((np.stack((a, b, c), -1).reshape(-1, 3), np.stack((a, c, d), -1).reshape(-1, 3)))
+    faces = np.concatenate(
+        (np.stack((a, b, c), -1).reshape(-1, 3), np.stack((a, c, d), -1).reshape(-1, 3))
+    )
     return points.reshape(-1, 3), faces
 
 
@@ -56,7 +62,9 @@ def test_a_file_of_several_colours_is_drawn_in_them():
     """Go2's URDF paints everything white; its thighs are silver and white in their file."""
     pytest.importorskip("trimesh")
     pytest.importorskip("collada")
-    thigh = next(s for s in load_visuals(hp.load_robot("go2")) if Path(s.meshPath).name == "thigh.dae")
+    thigh = next(
+        s for s in load_visuals(hp.load_robot("go2")) if Path(s.meshPath).name == "thigh.dae"
+    )
     parts = mesh_parts(thigh)
     colours = {colour for _, colour in parts}
     assert len(colours) == 2
@@ -102,13 +110,17 @@ def test_without_trimesh_wrong_surfaces_are_said_once(monkeypatch):
 @needs_robots
 @pytest.mark.parametrize("name", ["go2", "anymal_c"])
 def test_every_corner_of_a_file_of_several_parts_is_drawn(name):
-    """Pinocchio numbers the corners of each part from zero, so that the corners of the last ones are in no triangle."""
+    """Pinocchio numbers the corners of each part from zero, so that the corners of the last ones
+    are in no triangle.
+    """
     pytest.importorskip("trimesh")
     pytest.importorskip("collada")
     for shape in load_visuals(hp.load_robot(name)):
         if not hasattr(shape.geometry, "num_tris"):
             continue
-        drawn = np.concatenate([mesh.vertices[np.unique(mesh.faces)] for mesh, _ in mesh_parts(shape)])
+        drawn = np.concatenate(
+            [mesh.vertices[np.unique(mesh.faces)] for mesh, _ in mesh_parts(shape)]
+        )
         vertices = np.asarray(shape.geometry.vertices())
         np.testing.assert_allclose(drawn.min(axis=0), vertices.min(axis=0), atol=5e-3)
         np.testing.assert_allclose(drawn.max(axis=0), vertices.max(axis=0), atol=5e-3)
@@ -151,7 +163,9 @@ def test_the_surface_is_that_of_the_run(run):
 def test_vectors_about_the_normal(run):
     rng = np.random.default_rng(0)
     place, vector = rng.normal(size=(5, 2, 3)), rng.normal(size=(5, 2, 3))
-    frame = pin.Quaternion.FromTwoVectors(np.array((0.0, 0.0, 1.0)), PLANE.normal(0.0, 0.0)).matrix()
+    frame = pin.Quaternion.FromTwoVectors(
+        np.array((0.0, 0.0, 1.0)), PLANE.normal(0.0, 0.0)
+    ).matrix()
     np.testing.assert_allclose(about_normals(PLANE, place, vector), vector @ frame, atol=1e-12)
     assert about_normals(None, place, vector) is vector
 
@@ -166,7 +180,9 @@ def test_cones_stand_on_the_surface(run):
 
 
 def test_what_is_told_of_friction_is_about_the_normal(run):
-    """The condensed controller keeps 0.4 of the friction; about the vertical it would be far more."""
+    """The condensed controller keeps 0.4 of the friction; about the vertical it would be far
+    more.
+    """
     robot = hp.load_harpy()
     frames = Frames(run, robot, fps=30.0)
     own = frames.contacts[100:].used
@@ -178,11 +194,15 @@ def test_what_is_told_of_friction_is_about_the_normal(run):
 
 
 @needs_robots
-@pytest.mark.parametrize(("name", "turned"), [("icub", True), ("borinot", False), ("hextilt", False), ("go1", False)])
+@pytest.mark.parametrize(
+    ("name", "turned"), [("icub", True), ("borinot", False), ("hextilt", False), ("go1", False)]
+)
 def test_meshes_with_y_up_are_turned_where_that_fits_the_links(name, turned):
     robot = hp.load_robot(name)
     folders = [str(folder) for folder in robot.urdf.resolve().parents]
-    plain = pin.buildGeomFromUrdf(robot.model, str(robot.urdf), pin.GeometryType.VISUAL, package_dirs=folders)
+    plain = pin.buildGeomFromUrdf(
+        robot.model, str(robot.urdf), pin.GeometryType.VISUAL, package_dirs=folders
+    )
     for shape, read in zip(load_visuals(robot), plain.geometryObjects, strict=True):
         change = (read.placement.inverse() * shape.placement).rotation
         expected = pin.utils.rotate("x", 0.5 * np.pi) if turned else np.eye(3)
@@ -194,7 +214,10 @@ def test_the_shanks_of_icub_reach_from_knee_to_ankle():
     robot = hp.load_robot("icub")
     ankle = robot.model.jointPlacements[robot.model.getJointId("l_ankle_pitch")].translation
     shank = next(shape for shape in load_visuals(robot) if shape.name.startswith("l_lower_leg"))
-    corners = np.asarray(shank.geometry.vertices()) @ shank.placement.rotation.T + shank.placement.translation
+    corners = (
+        np.asarray(shank.geometry.vertices()) @ shank.placement.rotation.T
+        + shank.placement.translation
+    )
     along = corners @ ankle / np.linalg.norm(ankle)
     assert along.min() < 0.0
     assert along.max() == pytest.approx(np.linalg.norm(ankle), abs=0.02)

@@ -37,7 +37,9 @@ def turn(quaternion: np.ndarray) -> np.ndarray:
 
 def test_turn_z_to_every_direction() -> None:
     rng = np.random.default_rng(1)
-    directions = np.vstack((rng.normal(size=(50, 3)), [[0, 0, 1], [0, 0, -1], [1e-12, 0, -1], [1, 0, 0]]))
+    directions = np.vstack(
+        (rng.normal(size=(50, 3)), [[0, 0, 1], [0, 0, -1], [1e-12, 0, -1], [1, 0, 0]])
+    )
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
     for direction, quaternion in zip(directions, turn_z_to(directions), strict=True):
         np.testing.assert_allclose(turn(quaternion) @ [0.0, 0.0, 1.0], direction, atol=1e-9)
@@ -68,7 +70,9 @@ def test_arrow_of_no_force_is_hidden_and_finite() -> None:
 
 
 def drawn_rim(cone: Cone, mu: float) -> np.ndarray:
-    """(n, 3) upper corners of a cone as it is drawn on ground with a friction; its apex is at the origin."""
+    """(n, 3) upper corners of a cone as it is drawn on ground with a friction; its apex is at the
+    origin.
+    """
     side = next(node.shape for node in cone.nodes if node.path == "cone/sticking/side")
     assert isinstance(side, Mesh)
     corners = side.vertices[side.faces]
@@ -131,7 +135,9 @@ def test_camera_path_is_the_line_of_a_straight_walk(robot: Robot) -> None:
     assert np.ptp(path[:, 1]) < np.ptp(frames["q"][:, 1])
 
 
-@pytest.mark.parametrize(("given", "desired"), [(119.0, 100.0), (100.0, 100.0), (7.0, 5.0), (0.0, 100.0), (0.3, 0.2)])
+@pytest.mark.parametrize(
+    ("given", "desired"), [(119.0, 100.0), (100.0, 100.0), (7.0, 5.0), (0.0, 100.0), (0.3, 0.2)]
+)
 def test_nice_scale(given: float, desired: float) -> None:
     assert nice_scale(given) == pytest.approx(desired)
 
@@ -152,7 +158,15 @@ def test_page_says_what_it_shows(page: str) -> None:
     assert "harpy" in title.group(1)
     assert "0.25" in title.group(1)
     content = str(content_of(page))
-    for text in ("contact force", "friction cone", "thrust", "target x", "applied x", "0.3 m/s", "completed"):
+    for text in (
+        "contact force",
+        "friction cone",
+        "thrust",
+        "target x",
+        "applied x",
+        "0.3 m/s",
+        "completed",
+    ):
         assert text in content
     assert "{{" not in page.split("<script>")[0]
 
@@ -168,7 +182,9 @@ def test_scene_has_its_objects_and_frames(page: str, robot: Robot) -> None:
     for thruster in robot.thrusters:
         assert f"/meshcat/walk/thrust/{thruster}/head" in objects
     visuals = pin.buildGeomFromUrdf(robot.model, str(robot.urdf), pin.GeometryType.VISUAL)
-    assert sum(path.startswith("/meshcat/walk/robot/") for path in objects) == len(visuals.geometryObjects)
+    assert sum(path.startswith("/meshcat/walk/robot/") for path in objects) == len(
+        visuals.geometryObjects
+    )
 
 
 def test_page_holds_the_keyframes_of_the_scene(page: str, run: Run, robot: Robot) -> None:
@@ -182,7 +198,9 @@ def test_page_holds_the_keyframes_of_the_scene(page: str, run: Run, robot: Robot
                 continue
             track = held.pop((f"/meshcat/walk/{path}".rstrip("/"), name))
             exact = exact.astype(np.float32).reshape(31, -1)
-            values = np.frombuffer(base64.b64decode(track["values"]), np.float32).reshape(-1, exact.shape[1])
+            values = np.frombuffer(base64.b64decode(track["values"]), np.float32).reshape(
+                -1, exact.shape[1]
+            )
             assert len(values) == (1 if track["still"] else 31)
             np.testing.assert_array_equal(values + np.zeros_like(exact), exact)
     assert not held
@@ -196,7 +214,9 @@ def test_links_move_as_pinocchio_says(run: Run, robot: Robot) -> None:
         for frame, row in enumerate(rows):
             pin.forwardKinematics(robot.model, data, run["q"][row])
             np.testing.assert_allclose(link.position[frame], data.oMi[j].translation, atol=1e-12)
-            np.testing.assert_allclose(turn(link.quaternion[frame]), data.oMi[j].rotation, atol=1e-9)
+            np.testing.assert_allclose(
+                turn(link.quaternion[frame]), data.oMi[j].rotation, atol=1e-9
+            )
 
 
 def test_forces_in_the_scene_are_those_of_the_run(run: Run, robot: Robot) -> None:
@@ -210,7 +230,9 @@ def test_forces_in_the_scene_are_those_of_the_run(run: Run, robot: Robot) -> Non
         length = motions[f"contact_force/{foot}/head"].position[:, 2]
         head = 2.0 * 0.009 * 0.6 * 3.2
         shown = arrow.visible
-        np.testing.assert_allclose(length[shown] + head, np.linalg.norm(force[shown], axis=1) / scale)
+        np.testing.assert_allclose(
+            length[shown] + head, np.linalg.norm(force[shown], axis=1) / scale
+        )
         cone = motions[f"friction_cone/{foot}"]
         np.testing.assert_array_equal(cone.visible, force[:, 2] > 0.0)
         np.testing.assert_allclose(cone.position, run["foot_position"][rows, k])
@@ -231,7 +253,9 @@ def test_cone_turns_red_while_the_foot_slides(run: Run, robot: Robot) -> None:
 def test_per_axis_ground_draws_a_pyramid(robot: Robot) -> None:
     run = make_run(robot, 50, metadata={"ground": {"mu_s": 0.25, "cone": "per_axis"}})
     nodes = scene_of(Frames(run, robot)).nodes
-    (side,) = (node for node in nodes if node.path == f"friction_cone/{robot.feet[0]}/sticking/side")
+    (side,) = (
+        node for node in nodes if node.path == f"friction_cone/{robot.feet[0]}/sticking/side"
+    )
     assert isinstance(side.shape, Mesh)
     assert len(side.shape.faces) == 4
 
@@ -305,11 +329,15 @@ def test_frame_rate_must_be_positive(run: Run, robot: Robot, fps: float) -> None
 
 
 def test_robot_without_thrusters_or_visuals(tmp_path: Path, robot: Robot) -> None:
-    text = re.sub(r"<visual>.*?</visual>", "", robot.urdf.read_text(encoding="utf-8"), flags=re.DOTALL)
+    text = re.sub(
+        r"<visual>.*?</visual>", "", robot.urdf.read_text(encoding="utf-8"), flags=re.DOTALL
+    )
     (tmp_path / "bare.urdf").write_text(text, encoding="utf-8")
     bare = load_robot(tmp_path / "bare.urdf", feet=robot.feet)
     run = make_run(bare, 50)
-    paths = {c["path"] for c in commands_of(replay_html([(run, bare)])) if c["type"] == "set_object"}
+    paths = {
+        c["path"] for c in commands_of(replay_html([(run, bare)])) if c["type"] == "set_object"
+    }
     assert any("/robot/left_knee/rod_" in path for path in paths)
     assert not any("/thrust/" in path for path in paths)
 
@@ -318,13 +346,19 @@ STUB = "version https://git-lfs.github.com/spec/v1\noid sha256:00\nsize 12345\n"
 
 
 @pytest.mark.parametrize("name", ["package://nowhere/body.stl", "stub.stl"])
-def test_an_unreadable_mesh_costs_that_mesh_and_is_named(tmp_path: Path, robot: Robot, name: str) -> None:
+def test_an_unreadable_mesh_costs_that_mesh_and_is_named(
+    tmp_path: Path, robot: Robot, name: str
+) -> None:
     """Where no other shape is left a skeleton is drawn."""
     (tmp_path / "stub.stl").write_text(STUB)
-    text = robot.urdf.read_text(encoding="utf-8").replace('<box size="0.13 0.1 0.18"/>', f'<mesh filename="{name}"/>')
+    text = robot.urdf.read_text(encoding="utf-8").replace(
+        '<box size="0.13 0.1 0.18"/>', f'<mesh filename="{name}"/>'
+    )
     (tmp_path / "mesh.urdf").write_text(text, encoding="utf-8")
     other = load_harpy(tmp_path / "mesh.urdf")
-    with pytest.warns(UserWarning, match=rf"mesh.urdf' without meshes that cannot be read: '.*{name}'; meshes are"):
+    with pytest.warns(
+        UserWarning, match=rf"mesh.urdf' without meshes that cannot be read: '.*{name}'; meshes are"
+    ):
         assert len(load_visuals(other)) == len(load_visuals(robot)) - 1
     box = re.sub(r"<(box|cylinder|sphere) [^>]*/>", f'<mesh filename="{name}"/>', text)
     (tmp_path / "mesh.urdf").write_text(box, encoding="utf-8")
@@ -337,7 +371,9 @@ def test_meshes_of_a_package_are_found_by_its_name(tmp_path: Path, robot: Robot)
     (tmp_path / "checkout" / "urdf").mkdir(parents=True)
     (tmp_path / "checkout" / "package.xml").write_text("<package><name>my_dog</name></package>")
     corners = "v 0 0 0\nv 0.1 0 0\nv 0 0.2 0\nv 0 0 0.3\n"
-    (tmp_path / "checkout" / "body.obj").write_text(corners + "f 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n")
+    (tmp_path / "checkout" / "body.obj").write_text(
+        corners + "f 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
+    )
     mesh = '<mesh filename="package://my_dog/body.obj"/>'
     text = robot.urdf.read_text(encoding="utf-8").replace('<box size="0.13 0.1 0.18"/>', mesh)
     (tmp_path / "checkout" / "urdf" / "robot.urdf").write_text(text, encoding="utf-8")
@@ -346,25 +382,35 @@ def test_meshes_of_a_package_are_found_by_its_name(tmp_path: Path, robot: Robot)
     assert [Path(shape.meshPath).name for shape in shapes if "." in shape.meshPath] == ["body.obj"]
 
 
-def test_capsules_are_drawn(tmp_path: Path, robot: Robot, capfd: pytest.CaptureFixture[str]) -> None:
+def test_capsules_are_drawn(
+    tmp_path: Path, robot: Robot, capfd: pytest.CaptureFixture[str]
+) -> None:
     capsule = '<capsule radius="0.05" length="0.2"/>'
     text = robot.urdf.read_text(encoding="utf-8").replace('<box size="0.13 0.1 0.18"/>', capsule)
     (tmp_path / "capsule.urdf").write_text(text, encoding="utf-8")
-    (drawn,) = [shape for shape in load_visuals(load_harpy(tmp_path / "capsule.urdf")) if shape.name == "base_0"]
+    (drawn,) = [
+        shape
+        for shape in load_visuals(load_harpy(tmp_path / "capsule.urdf"))
+        if shape.name == "base_0"
+    ]
     assert (drawn.geometry.radius, drawn.geometry.halfLength) == (0.05, pytest.approx(0.15))
     assert capfd.readouterr() == ("", "")
 
 
 def test_mesh_is_drawn_in_its_place(tmp_path: Path, robot: Robot) -> None:
     corners = "v 0 0 0\nv 0.1 0 0\nv 0 0.2 0\nv 0 0 0.3\n"
-    (tmp_path / "body.obj").write_text(corners + "f 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n", encoding="utf-8")
+    (tmp_path / "body.obj").write_text(
+        corners + "f 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n", encoding="utf-8"
+    )
     mesh = '<mesh filename="body.obj" scale="2 2 2"/>'
     text = robot.urdf.read_text(encoding="utf-8").replace('<box size="0.13 0.1 0.18"/>', mesh)
     (tmp_path / "mesh.urdf").write_text(text, encoding="utf-8")
     other = load_harpy(tmp_path / "mesh.urdf")
     commands = commands_of(replay_html([(make_run(other, 5), other)]))
     (drawn,) = (c for c in commands if c["type"] == "set_object" and c["path"].endswith("0_base_0"))
-    points = np.frombuffer(drawn["object"]["geometries"][0]["data"]["attributes"]["position"]["array"].data, np.float32)
+    points = np.frombuffer(
+        drawn["object"]["geometries"][0]["data"]["attributes"]["position"]["array"].data, np.float32
+    )
     np.testing.assert_allclose(points.reshape(-1, 3).max(axis=0), [0.2, 0.4, 0.6], rtol=1e-6)
 
 
@@ -385,25 +431,41 @@ def test_show_serves_the_page(run: Run, robot: Robot, capsys: pytest.CaptureFixt
         with opener.open(server.url, timeout=10) as answer:
             assert b"MeshCat" in answer.read()
         with pytest.raises(RunFileError, match="cannot serve"):
-            show([(run, robot)], open_browser=False, port=int(server.url.rstrip("/").rsplit(":", 1)[1]))
+            show(
+                [(run, robot)],
+                open_browser=False,
+                port=int(server.url.rstrip("/").rsplit(":", 1)[1]),
+            )
 
 
 def test_figures_show_the_charts_of_the_page(tmp_path: Path, run: Run, robot: Robot) -> None:
-    figures, charts = figures_of(run, robot), content_of(replay_html([(run, robot)]))["charts"]["charts"]
-    assert {name: len([axes for axes in figure.axes if axes.axison]) for name, figure in figures.items()} == {
-        name: sum(chart["group"].lower() == name for chart in charts) for name in ("feet", "body", "effort")
+    figures, charts = (
+        figures_of(run, robot),
+        content_of(replay_html([(run, robot)]))["charts"]["charts"],
+    )
+    assert {
+        name: len([axes for axes in figure.axes if axes.axison]) for name, figure in figures.items()
+    } == {
+        name: sum(chart["group"].lower() == name for chart in charts)
+        for name in ("feet", "body", "effort")
     }
     for figure in figures.values():
         assert all(axes.get_ylabel() for axes in figure.axes if axes.axison)
         figure.savefig(tmp_path / "figure.png", dpi=40)
-    left = next(axes for axes in figures["feet"].axes if axes.get_title(loc="right") == "friction force, left foot")
+    left = next(
+        axes
+        for axes in figures["feet"].axes
+        if axes.get_title(loc="right") == "friction force, left foot"
+    )
     band = left.collections[0].get_paths()[0].vertices
     assert band[:, 1].max() == pytest.approx(0.25 * 39.0)
 
 
 def test_a_driven_walk_shows_what_was_given_and_applied() -> None:
     script = ((0.05, 3.0, 0.0, 0.5),)
-    walked = hp.walk(hp.Scenario(controller="condensed", gait=hp.Commanded(velocity=script), duration=0.3))
+    walked = hp.walk(
+        hp.Scenario(controller="condensed", gait=hp.Commanded(velocity=script), duration=0.3)
+    )
     figure = figures_of(walked)["command"]
     assert [axes.get_title(loc="right") for axes in figure.axes] == ["forward", "left", "turning"]
     given, applied = figure.axes[0].lines
@@ -414,7 +476,9 @@ def test_a_driven_walk_shows_what_was_given_and_applied() -> None:
 
 
 def test_a_robot_that_flies_stays_in_the_picture(run: Run, robot: Robot) -> None:
-    """The picture is as much higher as the robot rises, about a point at the same share of its height."""
+    """The picture is as much higher as the robot rises, about a point at the same share of its
+    height.
+    """
     lifted = Run({name: run[name].copy() for name in run.signals}, dict(run.metadata))
     lifted["q"][len(run) // 2 :, 2] += 0.4
     low, high = (motions_of(one, robot)[""].position[0, 2] for one in (run, lifted))

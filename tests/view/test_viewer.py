@@ -1,4 +1,6 @@
-"""The viewer of a loop of one's own: what its page gets, how often, what it refuses, and how it ends."""
+"""The viewer of a loop of one's own: what its page gets, how often, what it refuses, and how it
+ends.
+"""
 
 from __future__ import annotations
 
@@ -53,7 +55,11 @@ def moment(run: hp.Run, row: int) -> tuple[hp.State, hp.Command, Any]:
     names = ("q", "v", "foot_position", "foot_velocity", "foot_force")
     state = hp.State(float(run["t"][row]), *(run[name][row] for name in names))
     signals = {name: run[name][row] for name in ("x_r", "x_w") if name in run}
-    return state, hp.Command(run["torque"][row], run["thrust"][row]), SimpleNamespace(telemetry=lambda: signals)
+    return (
+        state,
+        hp.Command(run["torque"][row], run["thrust"][row]),
+        SimpleNamespace(telemetry=lambda: signals),
+    )
 
 
 def seen(viewer: Viewer) -> Commands:
@@ -91,10 +97,20 @@ def drawn(commands: Commands) -> dict[str, Any]:
 
     def plain(value: Any) -> Any:
         if isinstance(value, dict):
-            return {k: plain(v) for k, v in value.items() if k not in ("uuid", "geometry", "material", "image")}
-        return [plain(v) for v in value] if isinstance(value, list) else getattr(value, "data", value)
+            return {
+                k: plain(v)
+                for k, v in value.items()
+                if k not in ("uuid", "geometry", "material", "image")
+            }
+        return (
+            [plain(v) for v in value] if isinstance(value, list) else getattr(value, "data", value)
+        )
 
-    objects = {c["path"].removeprefix(f"{ROOT}/"): plain(c["object"]) for c in commands if c["type"] == "set_object"}
+    objects = {
+        c["path"].removeprefix(f"{ROOT}/"): plain(c["object"])
+        for c in commands
+        if c["type"] == "set_object"
+    }
     return {path: value for path, value in objects.items() if not path.startswith(HISTORY)}
 
 
@@ -124,12 +140,18 @@ def test_the_scene_is_the_replays(name, ground):
                 if motion.visible is not None:
                     assert visible[path] == motion.visible[row], (path, row)
                 if motion.position is not None or motion.scale is not None:
-                    np.testing.assert_allclose(moved[path], matrix_of(motion, row), atol=1e-12, err_msg=path)
-    replayed = [umsgpack.unpackb(umsgpack.packb(command)) for command in node_commands(scene.nodes, {})]
+                    np.testing.assert_allclose(
+                        moved[path], matrix_of(motion, row), atol=1e-12, err_msg=path
+                    )
+    replayed = [
+        umsgpack.unpackb(umsgpack.packb(command)) for command in node_commands(scene.nodes, {})
+    ]
     assert drawn(commands) == drawn(replayed)
 
 
-def test_forces_of_a_walk_are_where_and_as_long_as_they_are(robot: hp.Robot, viewer: Viewer) -> None:
+def test_forces_of_a_walk_are_where_and_as_long_as_they_are(
+    robot: hp.Robot, viewer: Viewer
+) -> None:
     run = hp.walk(hp.Scenario(controller="condensed", ground=GROUND, duration=1.0))
     page = urllib.request.urlopen(viewer.url).read().decode()
     newtons_per_metre = float(re.findall(r"(\d+) N per metre", page)[0])
@@ -141,7 +163,9 @@ def test_forces_of_a_walk_are_where_and_as_long_as_they_are(robot: hp.Robot, vie
         moved = matrices(seen(viewer))
         pin.framesForwardKinematics(robot.model, data, run["q"][row])
         arrow, force = moved[f"contact_force/{foot}"], run["foot_force"][row, 0]
-        np.testing.assert_allclose(arrow[:3, 3], data.oMf[robot.frame_id(foot)].translation, atol=1e-6)
+        np.testing.assert_allclose(
+            arrow[:3, 3], data.oMf[robot.frame_id(foot)].translation, atol=1e-6
+        )
         np.testing.assert_allclose(arrow[:3, 2], force / np.linalg.norm(force), atol=1e-9)
         place = data.oMf[robot.frame_id(thruster)].translation
         np.testing.assert_allclose(moved[f"thrust/{thruster}"][:3, 3], place, atol=1e-9)
@@ -160,7 +184,13 @@ def test_targets_of_controllers_gaits_and_objects(robot: hp.Robot, viewer: Viewe
         plant.advance(controller.step(plant.state))
     command = controller.step(plant.state)
     of_gait = controller.gait.target.body[:3]
-    for reference in (controller, gait, controller.gait, SimpleNamespace(target=controller.target), None):
+    for reference in (
+        controller,
+        gait,
+        controller.gait,
+        SimpleNamespace(target=controller.target),
+        None,
+    ):
         viewer.show(plant.state, command, reference)
         commands = seen(viewer)
         moved, visible = matrices(commands), visibility(commands)
@@ -170,10 +200,14 @@ def test_targets_of_controllers_gaits_and_objects(robot: hp.Robot, viewer: Viewe
             np.testing.assert_allclose(moved["reference/target"][:3, 3], of_gait)
             np.testing.assert_allclose(moved["reference/body"][:3, 3], plant.state.q[:3])
     viewer.show(plant.state, command, controller)
-    np.testing.assert_allclose(matrices(seen(viewer))["reference/applied"][:3, 3], controller.telemetry()["x_w"][:3])
+    np.testing.assert_allclose(
+        matrices(seen(viewer))["reference/applied"][:3, 3], controller.telemetry()["x_w"][:3]
+    )
 
 
-def test_a_configuration_is_drawn_without_forces(robot: hp.Robot, viewer: Viewer, draw_state: Any) -> None:
+def test_a_configuration_is_drawn_without_forces(
+    robot: hp.Robot, viewer: Viewer, draw_state: Any
+) -> None:
     q, _ = draw_state(np.random.default_rng(3))
     viewer.show(*moment(make_run(robot, 5), 3))
     viewer.display(q)
@@ -182,12 +216,18 @@ def test_a_configuration_is_drawn_without_forces(robot: hp.Robot, viewer: Viewer
     data = robot.model.createData()
     pin.forwardKinematics(robot.model, data, q)
     for joint in range(1, robot.model.njoints):
-        np.testing.assert_allclose(moved[f"robot/{robot.model.names[joint]}"], data.oMi[joint].homogeneous, atol=1e-12)
+        np.testing.assert_allclose(
+            moved[f"robot/{robot.model.names[joint]}"], data.oMi[joint].homogeneous, atol=1e-12
+        )
     kinds = ("contact_force", "thrust", "friction_cone", "reference", "pressure")
-    assert not any(visible[path] for path in visible if path.split("/")[0] in kinds and path.count("/") <= 1)
+    assert not any(
+        visible[path] for path in visible if path.split("/")[0] in kinds and path.count("/") <= 1
+    )
 
 
-def test_the_newest_state_comes_at_most_thirty_times_a_second(robot: hp.Robot, viewer: Viewer) -> None:
+def test_the_newest_state_comes_at_most_thirty_times_a_second(
+    robot: hp.Robot, viewer: Viewer
+) -> None:
     run, shown = make_run(robot, 1000), 0
 
     def next_moment() -> None:
@@ -198,7 +238,9 @@ def test_the_newest_state_comes_at_most_thirty_times_a_second(robot: hp.Robot, v
 
     begin = time.perf_counter()
     frames = messages(viewer, 31, next_moment)
-    assert time.perf_counter() - begin > 0.9 * 29 / 30.0  # from the second frame to the last one, or longer
+    assert (
+        time.perf_counter() - begin > 0.9 * 29 / 30.0
+    )  # from the second frame to the last one, or longer
     assert shown > 2 * len(frames)
     for frame in frames[1:]:  # each is of one moment, whole and once
         paths = [(command["type"], command["path"]) for command in frame]
@@ -208,15 +250,21 @@ def test_the_newest_state_comes_at_most_thirty_times_a_second(robot: hp.Robot, v
         np.testing.assert_allclose(gap, 0.01, atol=1e-9)
 
 
-def test_a_page_that_nobody_looks_at_gets_the_newest_state_later(robot: hp.Robot, viewer: Viewer) -> None:
+def test_a_page_that_nobody_looks_at_gets_the_newest_state_later(
+    robot: hp.Robot, viewer: Viewer
+) -> None:
     run = make_run(robot, 400)
     messages(viewer, 1)  # a browser that came and went
     for row in range(400):
         viewer.show(*moment(run, row))
-    np.testing.assert_allclose(matrices(seen(viewer))["robot/root_joint"][:3, 3], run["q"][399, :3], atol=1e-12)
+    np.testing.assert_allclose(
+        matrices(seen(viewer))["robot/root_joint"][:3, 3], run["q"][399, :3], atol=1e-12
+    )
 
 
-def test_a_browser_that_reads_late_holds_up_no_other_and_catches_up(robot: hp.Robot, viewer: Viewer) -> None:
+def test_a_browser_that_reads_late_holds_up_no_other_and_catches_up(
+    robot: hp.Robot, viewer: Viewer
+) -> None:
     run, shown = make_run(robot, 1000), 0
 
     def next_moment() -> None:
@@ -236,12 +284,18 @@ def test_a_browser_that_reads_late_holds_up_no_other_and_catches_up(robot: hp.Ro
 
 
 def test_the_ground_goes_along(robot: hp.Robot, viewer: Viewer) -> None:
-    """The body stays in the picture's middle, and the lines of the ground stay below it, at their places."""
+    """The body stays in the picture's middle, and the lines of the ground stay below it, at their
+    places.
+    """
     q = make_run(robot, 2)["q"][0].copy()
     for place in ((0.0, 0.0), (123.26, -45.13), (1e4, 0.0)):
         q[:2] = place
         viewer.display(q)
-        moved = {c["path"]: np.reshape(c["matrix"], (4, 4)).T for c in seen(viewer) if c["type"] == "set_transform"}
+        moved = {
+            c["path"]: np.reshape(c["matrix"], (4, 4)).T
+            for c in seen(viewer)
+            if c["type"] == "set_transform"
+        }
         assert np.linalg.norm(moved[ROOT][:2, 3] + place) < 1.0
         lines = moved[f"{ROOT}/ground/coarse"][:2, 3]
         assert np.abs(lines - place).max() < 1.5
@@ -273,8 +327,12 @@ HOSTILE = {
     "a gait at no time": lambda v, s, u: v.show(with_(s, "t", np.nan), u, hp.make_gait(v.robot)),
     "a target without a body": lambda v, s, u: v.show(s, u, SimpleNamespace(target=3)),
     "no reference": lambda v, s, u: v.show(s, u, "target"),
-    "telemetry of words": lambda v, s, u: v.show(s, u, SimpleNamespace(telemetry=lambda: {"x_r": "here"})),
-    "telemetry of one number": lambda v, s, u: v.show(s, u, SimpleNamespace(telemetry=lambda: {"x_r": 1.0})),
+    "telemetry of words": lambda v, s, u: v.show(
+        s, u, SimpleNamespace(telemetry=lambda: {"x_r": "here"})
+    ),
+    "telemetry of one number": lambda v, s, u: v.show(
+        s, u, SimpleNamespace(telemetry=lambda: {"x_r": 1.0})
+    ),
     "a short q": lambda v, s, u: v.display(np.zeros(3)),
     "a q of NaN": lambda v, s, u: v.display(np.full(13, np.nan)),
     "a q of zeros": lambda v, s, u: v.display(np.zeros(13)),
@@ -284,7 +342,9 @@ HOSTILE = {
 
 
 @pytest.mark.parametrize("attack", HOSTILE.values(), ids=HOSTILE)
-def test_what_cannot_be_drawn_is_refused_where_it_is_given(robot: hp.Robot, viewer: Viewer, attack: Any) -> None:
+def test_what_cannot_be_drawn_is_refused_where_it_is_given(
+    robot: hp.Robot, viewer: Viewer, attack: Any
+) -> None:
     run = make_run(robot, 60)
     state, command, _ = moment(run, 50)
     viewer.show(state, command)
@@ -351,7 +411,9 @@ def test_several_at_once_and_ports(robot: hp.Robot, viewer: Viewer) -> None:
             each.display(q)
         places = [matrices(seen(each))["robot/root_joint"][0, 3] for each in (viewer, other)]
         np.testing.assert_allclose(places, [0.0, 1.0])
-        assert not any("friction_cone" in path for path in drawn(seen(other)))  # of unknown friction
+        assert not any(
+            "friction_cone" in path for path in drawn(seen(other))
+        )  # of unknown friction
 
 
 def ended(number: int) -> bool:
@@ -367,7 +429,9 @@ def ended(number: int) -> bool:
     return False
 
 
-def test_after_its_end_and_without_its_process_it_draws_nothing_and_does_no_harm(robot: hp.Robot) -> None:
+def test_after_its_end_and_without_its_process_it_draws_nothing_and_does_no_harm(
+    robot: hp.Robot,
+) -> None:
     run = make_run(robot, 3)
     for end in (Viewer.close, lambda viewer: os.kill(viewer._process.pid, signal.SIGKILL)):
         viewer = Viewer(robot)
@@ -382,7 +446,9 @@ def test_after_its_end_and_without_its_process_it_draws_nothing_and_does_no_harm
         viewer.close()
 
 
-def test_a_page_that_does_not_start_is_said(robot: hp.Robot, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_page_that_does_not_start_is_said(
+    robot: hp.Robot, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(viewer_module, "PROGRAM", "harpy_pin.view.viewer.missing")
     with pytest.raises(HarpyError, match="did not start"):
         Viewer(robot)
@@ -400,7 +466,9 @@ while True:
 
 @pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
 def test_the_page_ends_with_the_program(how: signal.Signals) -> None:
-    with subprocess.Popen([sys.executable, "-c", LOOP], stdout=subprocess.PIPE, stderr=subprocess.PIPE) as program:
+    with subprocess.Popen(
+        [sys.executable, "-c", LOOP], stdout=subprocess.PIPE, stderr=subprocess.PIPE
+    ) as program:
         assert program.stdout is not None
         assert b"view of harpy" in program.stdout.readline()
         page = int(program.stdout.readline())
@@ -432,7 +500,9 @@ def test_a_page_in_a_browser(browser: Any, robot: hp.Robot, viewer: Viewer) -> N
     page.set_default_timeout(90e3)
     said: list[str] = []
     asked: list[str] = []
-    page.on("console", lambda message: said.append(message.text) if message.type == "error" else None)
+    page.on(
+        "console", lambda message: said.append(message.text) if message.type == "error" else None
+    )
     page.on("pageerror", lambda error: said.append(str(error)))
     page.on("request", lambda request: asked.append(request.url))
     run = make_run(robot, 500)
@@ -441,7 +511,10 @@ def test_a_page_in_a_browser(browser: Any, robot: hp.Robot, viewer: Viewer) -> N
     for row in (100, 400):
         viewer.show(*moment(run, row))
         place = run["q"][row, :3].tolist()
-        body = 'viewer.scene_tree.find(["meshcat", "walk", "robot", "root_joint"]).object.position.toArray()'
+        body = (
+            'viewer.scene_tree.find(["meshcat", "walk", "robot", '
+            '"root_joint"]).object.position.toArray()'
+        )
         page.wait_for_function(f"{body}.every((value, k) => Math.abs(value - {place}[k]) < 1e-9)")
     assert page.evaluate("viewer.camera.zoom") < 1.0  # a narrow window shows all of the robot
     assert page.evaluate("document.documentElement.scrollWidth") <= 390

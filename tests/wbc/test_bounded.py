@@ -1,4 +1,6 @@
-"""The whole-body QP far beyond walking: every solve ends, finds the optimum where there is one, and says where not."""
+"""The whole-body QP far beyond walking: every solve ends, finds the optimum where there is one, and
+says where not.
+"""
 
 import numpy as np
 import pinocchio as pin
@@ -18,7 +20,9 @@ FRICTIONS = (0.05, 0.15, 0.4, 1.0)
 
 
 def optimum(program):
-    """By DAQP, which shares nothing with the solvers under test; None where it finds the program infeasible."""
+    """By DAQP, which shares nothing with the solvers under test; None where it finds the program
+    infeasible.
+    """
     solution = make_solver("daqp", program).solve(program)
     return solution.z if solution.usable else None
 
@@ -29,7 +33,12 @@ def feasible(program):
     matrix, value = np.vstack((p.inequality, -p.inequality)), np.concatenate((p.upper, -p.lower))
     equal = (p.equality, p.equality_value) if len(p.equality_value) else (None, None)
     kept = np.abs(value) < 1e19
-    return linprog(np.zeros(matrix.shape[1]), matrix[kept], value[kept], *equal, bounds=(None, None)).status == 0
+    return (
+        linprog(
+            np.zeros(matrix.shape[1]), matrix[kept], value[kept], *equal, bounds=(None, None)
+        ).status
+        == 0
+    )
 
 
 def assert_optimal(program, z, within=1e-6):
@@ -38,7 +47,9 @@ def assert_optimal(program, z, within=1e-6):
     gap = program.objective(z) - program.objective(best)
     scale = max(1.0, abs(program.objective(best)))
     assert program.violation(z) <= 1e-6
-    assert -1e-4 * scale < gap < within * scale  # lower only by what the multipliers charge for that violation
+    assert (
+        -1e-4 * scale < gap < within * scale
+    )  # lower only by what the multipliers charge for that violation
 
 
 def drive(robot, states, frictions=FRICTIONS, *, within=1e-6, **settings):
@@ -67,13 +78,15 @@ def drive(robot, states, frictions=FRICTIONS, *, within=1e-6, **settings):
 
 
 @pytest.mark.parametrize(
-    ("solver", "swing", "within"), [("active_set", 0.2, 1e-6), ("active_set", 5.0, 1e-4), ("proxqp", 5.0, 1e-6)]
+    ("solver", "swing", "within"),
+    [("active_set", 0.2, 1e-6), ("active_set", 5.0, 1e-4), ("proxqp", 5.0, 1e-6)],
 )
 def test_random_states(robot, fuzz, solver, swing, within):
     """Solved exactly where there is a solution, counted as failed where there is none.
 
-    With the stiffer swing foot of the defaults the programs of states like these are worse conditioned: of the first
-    1,342 optima one is missed by 1e-5 of its value, the others by less than 1e-6.
+    With the stiffer swing foot of the defaults the programs of states like these are worse
+    conditioned: of the first 1,342 optima one is missed by 1e-5 of its value, the others by less
+    than 1e-6.
     """
     rng = np.random.default_rng(0)
     feet = ((False, False), (True, False), (True, True), None)
@@ -90,7 +103,9 @@ def test_extreme_settings(robot, fuzz):
     drive(robot, states, (10.0,), solver="active_set", limits={"faces": 64})
     gait = hp.make_gait(robot)
     gains = {"body": top, "orientation": top, "swing": top, "posture": top, "contact_damping": 1e6}
-    controller = WholeBodyController(gait, WholeBodyParameters.for_gait(gait, solver="active_set", **gains))
+    controller = WholeBodyController(
+        gait, WholeBodyParameters.for_gait(gait, solver="active_set", **gains)
+    )
     for state in states:
         command = controller.step(state)
         assert np.isfinite(command.torque).all()
@@ -99,7 +114,9 @@ def test_extreme_settings(robot, fuzz):
 
 
 def test_solves_of_a_tick_share_one_bound():
-    """Programs of 59 unknowns, up to three of them in a tick: their systems and exchanges together stay within it."""
+    """Programs of 59 unknowns, up to three of them in a tick: their systems and exchanges together
+    stay within it.
+    """
     settings = {"formulation": "full", "solver": "active_set"}
     controller = hp.make_controller("wbc", hp.Standing(hp.load_robot("g1")), mu=0.25, **settings)
     account, ticks = controller._solver._record_, []
@@ -107,7 +124,12 @@ def test_solves_of_a_tick_share_one_bound():
     for _ in range(150):
         account["searched"] = 0
         controller.step(draw_hostile(controller.robot, rng))
-        ticks.append((int(SYSTEM * account["systems"][0] + account["exchanges"][0]), int(account["searched"][0])))
+        ticks.append(
+            (
+                int(SYSTEM * account["systems"][0] + account["exchanges"][0]),
+                int(account["searched"][0]),
+            )
+        )
     most, searches = np.array(ticks).max(axis=0)
     assert searches > 2  # of several programs in one tick
     assert 0.8 * WORK / 59**2 < most < WORK / 59**2 + 2 * SYSTEM * (EXCHANGES + 1)
@@ -173,25 +195,34 @@ def flat_footed(robot, tmp_path_factory):
                 <child link="{name}"/><origin xyz="{x} {y} 0"/></joint>'''
     path = tmp_path_factory.mktemp("flat") / "flat.urdf"
     path.write_text(robot.urdf.read_text().replace("</robot>", links + "</robot>"))
-    return hp.load_robot(path, feet=tuple(names), thrusters=robot.thrusters, thrust_limit=robot.thrust_limit)
+    return hp.load_robot(
+        path, feet=tuple(names), thrusters=robot.thrusters, thrust_limit=robot.thrust_limit
+    )
 
 
 @pytest.mark.parametrize("speed", [0.0, 1.0, 30.0])
 def test_redundant_contacts_have_the_least_force(flat_footed, speed):
-    """Against the pseudo-inverse; the forces stay bounded where the corners ask for what no rigid foot can do."""
+    """Against the pseudo-inverse; the forces stay bounded where the corners ask for what no rigid
+    foot can do.
+    """
     robot, rng = flat_footed, np.random.default_rng(6)
     start = hp.make_gait(hp.load_harpy()).initial_state()[0]
     dynamics, contact = hp.Dynamics(robot), ContactForceMap(robot, damping=20.0)
     for _ in range(20):
         q = pin.integrate(robot.model, start, 0.1 * rng.standard_normal(12))
-        v, tau, u = speed * rng.standard_normal(12), rng.uniform(-5.0, 5.0, 6), rng.uniform(-9.0, 9.0, (2, 3))
+        v, tau, u = (
+            speed * rng.standard_normal(12),
+            rng.uniform(-5.0, 5.0, 6),
+            rng.uniform(-9.0, 9.0, (2, 3)),
+        )
         dynamics.update(q, v)
         force = contact.update(dynamics, v, hp.Command(tau, u), np.ones(8)).ravel()
         mass = mass_matrix(robot.model, q)
         jacobian = dynamics.foot_jacobian
         free = np.linalg.solve(
             mass,
-            generalised_force(dynamics, tau - robot.model.damping[6:] * v[6:], np.zeros((8, 3)), u) - dynamics.bias,
+            generalised_force(dynamics, tau - robot.model.damping[6:] * v[6:], np.zeros((8, 3)), u)
+            - dynamics.bias,
         )
         desired = -dynamics.foot_drift - 20.0 * dynamics.foot_velocity.ravel() - jacobian @ free
         delassus = jacobian @ np.linalg.solve(mass, jacobian.T)
@@ -206,19 +237,27 @@ def test_redundant_contacts_have_the_least_force(flat_footed, speed):
 
 
 def test_redundant_contacts_leave_the_torques_alone(flat_footed):
-    """On one flat foot at rest, pyramids aside, the command is that of the program whose contact forces are free."""
+    """On one flat foot at rest, pyramids aside, the command is that of the program whose contact
+    forces are free.
+    """
     robot, rng = flat_footed, np.random.default_rng(7)
     start = hp.make_gait(hp.load_harpy()).initial_state()[0]
     dynamics, targets = hp.Dynamics(robot), WholeBodyTargets(robot)
     targets.held[4:] = 0.0
-    weights, found = WholeBodyWeights.for_robot(robot, orientation=0.0, swing=0.0), np.empty((2, 12))
+    weights, found = (
+        WholeBodyWeights.for_robot(robot, orientation=0.0, swing=0.0),
+        np.empty((2, 12)),
+    )
     problems = [make_problem(name, robot, weights) for name in ("input_space", "full")]
     for _ in range(20):
         q, v = pin.integrate(robot.model, start, 0.03 * rng.standard_normal(12)), np.zeros(12)
         dynamics.update(q, v)
         for problem, inputs in zip(problems, found, strict=True):
             problem.build(dynamics, v, pin.Quaternion(q[3:7]).matrix(), targets)
-            p, feet = problem.program, slice(problem.program.bounded, problem.program.bounded + problem.foot_rows * 8)
+            p, feet = (
+                problem.program,
+                slice(problem.program.bounded, problem.program.bounded + problem.foot_rows * 8),
+            )
             p.lower[feet], p.upper[feet] = -1e20, 1e20
             problem.inputs(optimum(p), inputs)
         np.testing.assert_allclose(found[0], found[1], rtol=0, atol=2e-3)
@@ -244,6 +283,10 @@ def test_programs_of_other_sizes_are_refused(robot):
         with pytest.raises(hp.InputError, match="v must have shape"):
             problem.build(hp.Dynamics(robot), np.zeros(3), *arguments[1:])
     with pytest.raises(hp.InputError, match="targets must be of 'harpy'"):
-        hp.wbc.condensed.CondensedSolver(robot).solve(hp.Dynamics(robot), *arguments[:2], WholeBodyTargets(other))
+        hp.wbc.condensed.CondensedSolver(robot).solve(
+            hp.Dynamics(robot), *arguments[:2], WholeBodyTargets(other)
+        )
     with pytest.raises(hp.InputError, match="v must have shape"):
-        hp.wbc.condensed.CondensedSolver(robot).solve(hp.Dynamics(robot), np.zeros(3), *arguments[1:])
+        hp.wbc.condensed.CondensedSolver(robot).solve(
+            hp.Dynamics(robot), np.zeros(3), *arguments[1:]
+        )

@@ -1,4 +1,6 @@
-"""The tasks that every problem has: the compiled objective is that of the same classes that users add."""
+"""The tasks that every problem has: the compiled objective is that of the same classes that users
+add.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +15,9 @@ from needs import needs_robots
 import harpy_pin as hp
 from harpy_pin.wbc import WholeBodyTargets, WholeBodyWeights, built_in_tasks, make_problem
 
-WEIGHTS = WholeBodyWeights(body=1.5, orientation=0.2, swing=3.0, posture=0.3, arms=0.7, thrust=5e-3, force=1e-3)
+WEIGHTS = WholeBodyWeights(
+    body=1.5, orientation=0.2, swing=3.0, posture=0.3, arms=0.7, thrust=5e-3, force=1e-3
+)
 HARPY = hp.load_harpy()
 
 
@@ -52,10 +56,14 @@ def costs_agree(robot: hp.Robot, formulation: str, seed: int, held: np.ndarray) 
         first = program.bounded
         z[:, first : first + 3 * len(held)][:, np.repeat(held, 3) == 0.0] = 0.0
     expected = cost(z[1]) - cost(z[0])
-    np.testing.assert_allclose(program.objective(z[1]) - program.objective(z[0]), expected, rtol=1e-8, atol=1e-8)
+    np.testing.assert_allclose(
+        program.objective(z[1]) - program.objective(z[0]), expected, rtol=1e-8, atol=1e-8
+    )
 
 
-@given(st.integers(0, 10_000), st.sampled_from(("full", "input_space")), st.sampled_from((0, 1, 2, 3)))
+@given(
+    st.integers(0, 10_000), st.sampled_from(("full", "input_space")), st.sampled_from((0, 1, 2, 3))
+)
 def test_the_compiled_objective_is_that_of_the_table(seed, formulation, support):
     costs_agree(HARPY, formulation, seed, np.array((float(support & 1), float(support >> 1))))
 
@@ -72,8 +80,14 @@ def test_other_robots_have_the_same_table(name, formulation):
 def test_a_joint_that_moves_one_foot_weighs_as_a_leg_others_as_an_arm(tmp_path, formulation):
     """A waist is between the base and both feet; its weight holds it against the hips' yaws."""
     file = tmp_path / "biped.urdf"
-    arm = '<link name="arm"><inertial><mass value="1"/><inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" '
-    arm += 'iyz="0"/></inertial></link><joint name="j_arm" type="revolute"><parent link="base"/><child link="arm"/>'
+    arm = (
+        '<link name="arm"><inertial><mass value="1"/><inertia ixx="0.01" iyy="0.01" izz="0.01" '
+        'ixy="0" ixz="0" '
+    )
+    arm += (
+        'iyz="0"/></inertial></link><joint name="j_arm" type="revolute"><parent '
+        'link="base"/><child link="arm"/>'
+    )
     arm += '<axis xyz="0 1 0"/><limit lower="-1" upper="1" effort="20" velocity="9"/></joint>'
     file.write_text(biped_urdf(waist=("waist",), more=arm))
     soles = dict.fromkeys(("L_sole", "R_sole"), hp.FlatFoot(length=0.2, width=0.1))

@@ -1,4 +1,6 @@
-"""The task of the centre of mass: its rows against Pinocchio, and the optimum against Newton's condensed."""
+"""The task of the centre of mass: its rows against Pinocchio, and the optimum against Newton's
+condensed.
+"""
 
 import numpy as np
 import pinocchio as pin
@@ -37,12 +39,15 @@ def test_rows_are_pinocchios(seed):
 
 @given(st.integers(0, 10_000))
 def test_the_optimum_obeys_newton(seed):
-    """The acceleration of the centre of mass is that of all forces on the robot, and with little else to weigh and
-    nothing at a limit it is the demanded one."""
+    """The acceleration of the centre of mass is that of all forces on the robot, and with little
+    else to weigh and nothing at a limit it is the demanded one.
+    """
     _, q, v, targets, dynamics = centred_case(seed, spread=0.05)
     targets.held[:], targets.force_range[:] = 1.0, (-1e4, 1e4)
     targets.body[:] *= 0.1
-    weights = WholeBodyWeights(**{**vars(WEIGHTS), "orientation": 1e-6, "thrust": 1e-6, "force": 1e-9})
+    weights = WholeBodyWeights(
+        **{**vars(WEIGHTS), "orientation": 1e-6, "thrust": 1e-6, "force": 1e-9}
+    )
     condensed = CondensedSolver(ROBOT, weights, WholeBodyLimits(mu=10.0, torque_scale=100.0))
     inputs = condensed.solve(dynamics, v, dynamics.rotation, targets)
     data = ROBOT.model.createData()
@@ -50,5 +55,10 @@ def test_the_optimum_obeys_newton(seed):
     total = condensed.force.sum(axis=0) + inputs[:6].reshape(2, 3).sum(axis=0)
     expected = total / ROBOT.mass + ROBOT.model.gravity.linear
     np.testing.assert_allclose(data.acom[0], expected, atol=1e-6 * (1.0 + np.abs(expected).max()))
-    if int(condensed.status) == 0 and not (condensed.limits.pyramid @ condensed.force.T < 1e-6).any():
-        np.testing.assert_allclose(data.acom[0][:2], targets.body[:2], atol=1e-2 * (1.0 + np.abs(targets.body).max()))
+    if (
+        int(condensed.status) == 0
+        and not (condensed.limits.pyramid @ condensed.force.T < 1e-6).any()
+    ):
+        np.testing.assert_allclose(
+            data.acom[0][:2], targets.body[:2], atol=1e-2 * (1.0 + np.abs(targets.body).max())
+        )

@@ -1,4 +1,6 @@
-"""The condensed controller: its promise on the contact forces, its optimum, and the walks it makes."""
+"""The condensed controller: its promise on the contact forces, its optimum, and the walks it
+makes.
+"""
 
 from __future__ import annotations
 
@@ -19,7 +21,8 @@ from reproduction.chattering import chattering
 
 
 def test_promise_for_every_state_and_target(fuzz):
-    """The force on every held foot is the one intended, and it is in its pyramid and range: whatever was asked for.
+    """The force on every held foot is the one intended, and it is in its pyramid and range:
+    whatever was asked for.
 
     ``--fuzz 500`` looks at a million states.
     """
@@ -37,7 +40,9 @@ def test_promise_for_every_state_and_target(fuzz):
         assert (np.abs(inputs[6:]) <= 0.6 * ROBOT.torque_limit + 1e-12).all()
         held = targets.held > 0.0
         for k in np.flatnonzero(held):
-            assert (limits.pyramid @ condensed.force[k]).min() >= -1e-9 * (1.0 + condensed.force[k, 2])
+            assert (limits.pyramid @ condensed.force[k]).min() >= -1e-9 * (
+                1.0 + condensed.force[k, 2]
+            )
             least = targets.force_range[k, 0] * condensed.record["least_share"][0, k]
             assert least - 1e-9 <= condensed.force[k, 2] <= 200.0 + 1e-9
         assert (condensed.force[~held] == 0.0).all()
@@ -45,11 +50,16 @@ def test_promise_for_every_state_and_target(fuzz):
         if condensed.status & CondensedStatus.TORQUE_CLIPPED:
             continue
         command = hp.Command(inputs[6:], inputs[:6].reshape(2, 3))
-        force, acceleration = constrained_dynamics(ROBOT, q, v, command, targets.held, desired=targets.feet)
+        force, acceleration = constrained_dynamics(
+            ROBOT, q, v, command, targets.held, desired=targets.feet
+        )
         scale = 1.0 + np.abs(force).max() + np.abs(inputs).max()
         np.testing.assert_allclose(condensed.force, force, rtol=0, atol=1e-8 * scale)
         np.testing.assert_allclose(
-            condensed.acceleration, acceleration, rtol=0, atol=1e-6 * (1.0 + np.abs(acceleration).max())
+            condensed.acceleration,
+            acceleration,
+            rtol=0,
+            atol=1e-6 * (1.0 + np.abs(acceleration).max()),
         )
     # The states and targets reached what they were to reach.
     assert seen & CondensedStatus.THRUST_LIMITED
@@ -58,7 +68,10 @@ def test_promise_for_every_state_and_target(fuzz):
 
 def test_whatever_the_search_leaves_is_put_into_the_pyramids():
     rng = np.random.default_rng(1)
-    condensed, targets = CondensedSolver(ROBOT, WEIGHTS, WholeBodyLimits(mu=0.3)), WholeBodyTargets(ROBOT)
+    condensed, targets = (
+        CondensedSolver(ROBOT, WEIGHTS, WholeBodyLimits(mu=0.3)),
+        WholeBodyTargets(ROBOT),
+    )
     for _ in range(2000):
         before = rng.normal(size=(2, 3)) * 10.0 ** rng.uniform(-2, 4)
         targets.held[:] = SUPPORTS[rng.integers(4)]
@@ -72,16 +85,23 @@ def test_whatever_the_search_leaves_is_put_into_the_pyramids():
             least, most = targets.force_range[k]
             assert condensed.force[k, 2] == np.clip(before[k, 2], least, most)
             assert (condensed.limits.pyramid @ condensed.force[k]).min() >= -1e-12 * (1.0 + most)
-            if least <= before[k, 2] <= most and (condensed.limits.pyramid @ before[k]).min() >= 0.0:
+            if (
+                least <= before[k, 2] <= most
+                and (condensed.limits.pyramid @ before[k]).min() >= 0.0
+            ):
                 np.testing.assert_array_equal(condensed.force[k], before[k])
 
 
 @pytest.mark.parametrize("centred", [False, True])
 def test_forces_alone_have_the_optimum_but_where_an_input_is_limited(centred, fuzz):
-    """There what the formulation finds is possible, too, and costs more; elsewhere nothing is different."""
+    """There what the formulation finds is possible, too, and costs more; elsewhere nothing is
+    different.
+    """
     dynamics, rng, seen = hp.Dynamics(ROBOT), np.random.default_rng(2), [0, 0]
     limits, inputs = WholeBodyLimits(mu=0.3, torque_scale=0.5, give_way=1.0), np.empty(12)
-    general, force = (make_problem(name, ROBOT, WEIGHTS, limits) for name in ("input_space", "contact_force"))
+    general, force = (
+        make_problem(name, ROBOT, WEIGHTS, limits) for name in ("input_space", "contact_force")
+    )
     solvers = [make_solver("daqp", one.program) for one in (general, force)]
     lower, upper = (bound[:12] for bound in (general.program.lower, general.program.upper))
     for _ in range(500 * fuzz):
@@ -91,7 +111,9 @@ def test_forces_alone_have_the_optimum_but_where_an_input_is_limited(centred, fu
             demand_of_centre(targets, dynamics)
         for one in (general, force):
             one.build(dynamics, v, dynamics.rotation, targets)
-        best, found = (solver.solve(one.program) for solver, one in zip(solvers, (general, force), strict=True))
+        best, found = (
+            solver.solve(one.program) for solver, one in zip(solvers, (general, force), strict=True)
+        )
         if not best.usable:
             assert not found.usable or not targets.held.any()
         if not best.usable or not targets.held.any():
@@ -106,14 +128,20 @@ def test_forces_alone_have_the_optimum_but_where_an_input_is_limited(centred, fu
         cost = general.program.objective(best.z)
         assert general.program.objective(inputs) - cost > -1e-6 * (1.0 + abs(cost))
         if not limited:
-            np.testing.assert_allclose(inputs, best.z, rtol=0, atol=1e-6 * (1.0 + np.abs(best.z).max()))
+            np.testing.assert_allclose(
+                inputs, best.z, rtol=0, atol=1e-6 * (1.0 + np.abs(best.z).max())
+            )
             accelerations = force.acceleration(found.z), general.acceleration(best.z)
-            np.testing.assert_allclose(*accelerations, rtol=0, atol=1e-6 * (1.0 + np.abs(accelerations[1]).max()))
+            np.testing.assert_allclose(
+                *accelerations, rtol=0, atol=1e-6 * (1.0 + np.abs(accelerations[1]).max())
+            )
     assert min(seen) > 20
 
 
 def the_way(dynamics, condensed, rng):
-    """A function of the place on the way from one random state and target to another: inputs and status."""
+    """A function of the place on the way from one random state and target to another: inputs and
+    status.
+    """
     q, v, targets = wild_case(rng, spread=0.05)
     far_q = pin.integrate(ROBOT.model, q, 0.2 * rng.standard_normal(NV))
     far_v = v + 0.3 * rng.standard_normal(NV)
@@ -134,8 +162,10 @@ def the_way(dynamics, condensed, rng):
 
 
 def test_continuous_in_state_and_target():
-    """The largest step between samples of a way is cut in half again and again: a jump would stay. Limits of friction,
-    thrust and torque come and go on the way; where torques have to be clipped, nothing is promised."""
+    """The largest step between samples of a way is cut in half again and again: a jump would stay.
+    Limits of friction, thrust and torque come and go on the way; where torques have to be clipped,
+    nothing is promised.
+    """
     dynamics, rng = hp.Dynamics(ROBOT), np.random.default_rng(7)
     condensed = CondensedSolver(ROBOT, WEIGHTS, WholeBodyLimits(mu=0.3, torque_scale=0.6))
     crossed = set()
@@ -157,12 +187,17 @@ def test_continuous_in_state_and_target():
             continue
         crossed |= {status for _, status in answers}
         assert np.abs(above[0] - below[0]).max() < 1e-4
-    assert {CondensedStatus.OPTIMAL, CondensedStatus.THRUST_LIMITED, CondensedStatus.TORQUE_LIMITED} <= crossed
+    assert {
+        CondensedStatus.OPTIMAL,
+        CondensedStatus.THRUST_LIMITED,
+        CondensedStatus.TORQUE_LIMITED,
+    } <= crossed
 
 
 def test_no_chattering():
-    """A command that chatters changes its direction once or twice in a tick, so four times as often at a quarter of the
-    period; a smooth one as often as before."""
+    """A command that chatters changes its direction once or twice in a tick, so four times as often
+    at a quarter of the period; a smooth one as often as before.
+    """
     reversals = []
     for period in (1e-3, 2.5e-4):
         run = walked(mu_s=0.15, duration=2.0, period=period, dt=2.5e-4)
@@ -177,7 +212,8 @@ def test_walks_like_the_whole_body_program():
     pushes = (hp.Push(0.6, (0.0, 4.0, 0.0)),)
     own = {"name": "wbc", "parameters": OWN_SEARCH}
     condensed, proxqp, wbc = (
-        walked(controller=part, mu_s=0.15, duration=2.0, pushes=pushes) for part in ("condensed", "wbc", own)
+        walked(controller=part, mu_s=0.15, duration=2.0, pushes=pushes)
+        for part in ("condensed", "wbc", own)
     )
     assert condensed.ending == proxqp.ending == wbc.ending == "completed"
     np.testing.assert_allclose(condensed["q"], wbc["q"], rtol=0, atol=2e-4)
@@ -190,7 +226,9 @@ def test_walks_like_the_whole_body_program():
 
 @pytest.mark.parametrize("name", ["condensed", "wbc"])
 def test_the_first_tick_has_no_command_to_hold(name):
-    """New or reset, with a velocity that no motor can stop: clipped torques, or the soft posture, and not zero."""
+    """New or reset, with a velocity that no motor can stop: clipped torques, or the soft posture,
+    and not zero.
+    """
     gait = hp.make_gait(ROBOT)
     q, v = gait.initial_state()
     dynamics, fast = hp.Dynamics(ROBOT), v + np.random.default_rng(0).normal(scale=8.0, size=12)
@@ -199,7 +237,9 @@ def test_the_first_tick_has_no_command_to_hold(name):
     for again in (False, True):
         controller = hp.make_controller(name, gait, mu=0.3, **own_search(name))
         if again:
-            controller.step(hp.State(0.0, q, v, wild.foot_position, wild.foot_velocity, wild.foot_force))
+            controller.step(
+                hp.State(0.0, q, v, wild.foot_position, wild.foot_velocity, wild.foot_force)
+            )
             controller.reset()
         torque = controller.step(wild).torque
         assert (controller.clipped if name == "condensed" else controller.failures) == 1
@@ -207,11 +247,14 @@ def test_the_first_tick_has_no_command_to_hold(name):
 
 
 def test_where_no_forces_are_within_reach_the_last_command_is_held():
-    """A foot in the air is taken for one on the ground: no motor can stop it within the tick. The QP has no solution
-    there; both hold the last command for a while, and go on as if nothing had been."""
+    """A foot in the air is taken for one on the ground: no motor can stop it within the tick. The
+    QP has no solution there; both hold the last command for a while, and go on as if nothing had
+    been.
+    """
     states = states_of(walked(duration=0.53))
     condensed, qp = (
-        hp.make_controller(name, hp.make_gait(ROBOT), mu=0.25, **own_search(name)) for name in ("condensed", "wbc")
+        hp.make_controller(name, hp.make_gait(ROBOT), mu=0.25, **own_search(name))
+        for name in ("condensed", "wbc")
     )
     for state in states:
         good = condensed.step(state).torque.copy()

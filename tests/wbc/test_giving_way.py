@@ -1,4 +1,6 @@
-"""Tasks that give way where torques reach their limits: the definition, both controllers, and walks."""
+"""Tasks that give way where torques reach their limits: the definition, both controllers, and
+walks.
+"""
 
 import numpy as np
 import pytest
@@ -17,7 +19,9 @@ DAMPED = hp.Actuators(viscous_friction=4.9).damped(ROBOT)
 
 
 def give_way(problem, solver, dynamics, v, targets):
-    """The solution by definition: without limits, then with limits about it; whether torques were beyond."""
+    """The solution by definition: without limits, then with limits about it; whether torques were
+    beyond.
+    """
     problem.build(dynamics, v, dynamics.rotation, targets)
     problem.kernels.limit(problem.record, problem.terms, problem.program.record, False)
     free = solver.solve(problem.program)
@@ -33,16 +37,28 @@ def give_way(problem, solver, dynamics, v, targets):
 @pytest.mark.parametrize(
     ("formulation", "mu", "torque_scale", "share"),
     [
-        *((formulation, 0.4, 0.5, WholeBodyLimits().give_way) for formulation in ("input_space", "full")),
-        *(("input_space", mu, torque_scale, 1.0) for mu in (0.15, 0.6) for torque_scale in (1.0, 0.5)),
+        *(
+            (formulation, 0.4, 0.5, WholeBodyLimits().give_way)
+            for formulation in ("input_space", "full")
+        ),
+        *(
+            ("input_space", mu, torque_scale, 1.0)
+            for mu in (0.15, 0.6)
+            for torque_scale in (1.0, 0.5)
+        ),
     ],
 )
 def test_condensed_and_programs_have_the_same_optimum(formulation, mu, torque_scale, share, fuzz):
-    """Forces, torques and thrusts at random states with targets far beyond reach, whatever is at a limit; where the
-    share is one, nothing gives way. Every other time the body's target is the centre of mass's."""
+    """Forces, torques and thrusts at random states with targets far beyond reach, whatever is at a
+    limit; where the share is one, nothing gives way. Every other time the body's target is the
+    centre of mass's.
+    """
     dynamics, rng = hp.Dynamics(ROBOT), np.random.default_rng(2)
     limits = WholeBodyLimits(mu=mu, torque_scale=torque_scale, give_way=share)
-    condensed, problem = CondensedSolver(ROBOT, WEIGHTS, limits), make_problem(formulation, ROBOT, WEIGHTS, limits)
+    condensed, problem = (
+        CondensedSolver(ROBOT, WEIGHTS, limits),
+        make_problem(formulation, ROBOT, WEIGHTS, limits),
+    )
     solver, expected = make_solver("daqp", problem.program), np.zeros(12)
     seen = dict.fromkeys(("compared", "beyond", "optimal", "thrust", "torque", "cone"), 0)
     for k in range(300 * fuzz):
@@ -55,7 +71,9 @@ def test_condensed_and_programs_have_the_same_optimum(formulation, mu, torque_sc
         assert (np.abs(inputs[6:]) <= torque_scale * ROBOT.torque_limit).all()
         assert (targets.force_range == given_range).all()
         solution, beyond = give_way(problem, solver, dynamics, v, targets)
-        if not solution.usable or condensed.status & (CondensedStatus.SUBOPTIMAL | CondensedStatus.TORQUE_CLIPPED):
+        if not solution.usable or condensed.status & (
+            CondensedStatus.SUBOPTIMAL | CondensedStatus.TORQUE_CLIPPED
+        ):
             continue
         problem.inputs(solution.z, expected)
         contact, scale = problem.contact_force(solution.z), 1.0 + np.abs(expected).max()
@@ -74,7 +92,9 @@ def test_condensed_and_programs_have_the_same_optimum(formulation, mu, torque_sc
 
 @pytest.mark.parametrize("formulation", ["input_space", "full"])
 def test_objective_and_least_forces_are_the_ones_defined(formulation):
-    """The objective falls by ½ (1 − σ) w ‖a − a_d‖² of the swing feet; normal forces have another bound."""
+    """The objective falls by ½ (1 − σ) w ‖a − a_d‖² of the swing feet; normal forces have another
+    bound.
+    """
     dynamics, rng = hp.Dynamics(ROBOT), np.random.default_rng(4)
     limits = WholeBodyLimits(mu=0.4, torque_scale=0.3)
     problem = make_problem(formulation, ROBOT, WEIGHTS, limits)
@@ -85,13 +105,18 @@ def test_objective_and_least_forces_are_the_ones_defined(formulation):
         problem.build(dynamics, v, dynamics.rotation, targets)
         size = len(problem.program.gradient)
         at, other = rng.standard_normal(size), 5.0 * rng.standard_normal(size)
-        before, bound = problem.program.objective(at) - problem.program.objective(other), problem.program.lower.copy()
+        before, bound = (
+            problem.program.objective(at) - problem.program.objective(other),
+            problem.program.lower.copy(),
+        )
         problem.kernels.give_way(*problem._records(dynamics, targets), other)
         after = problem.program.objective(at) - problem.program.objective(other)
         torque = np.zeros(12)
         problem.inputs(other, torque)
         errors = [
-            dynamics.foot_jacobian @ problem.acceleration(z) + dynamics.foot_drift - targets.feet.reshape(-1)
+            dynamics.foot_jacobian @ problem.acceleration(z)
+            + dynamics.foot_drift
+            - targets.feet.reshape(-1)
             for z in (at, other)
         ]
         less = 0.0
@@ -114,17 +139,24 @@ def test_objective_and_least_forces_are_the_ones_defined(formulation):
 def test_nothing_changes_where_no_limit_is_near():
     """Bit by bit."""
     dynamics, rng = hp.Dynamics(ROBOT), np.random.default_rng(5)
-    controllers = [CondensedSolver(ROBOT, WEIGHTS, WholeBodyLimits(mu=0.4, give_way=share)) for share in (0.003, 1.0)]
+    controllers = [
+        CondensedSolver(ROBOT, WEIGHTS, WholeBodyLimits(mu=0.4, give_way=share))
+        for share in (0.003, 1.0)
+    ]
     same = differ = 0
     for _ in range(500):
         q, v, targets = wild_case(rng, spread=0.05)
         dynamics.update(q, v)
         for condensed in controllers:
             condensed.reset()
-        one, other = (condensed.solve(dynamics, v, dynamics.rotation, targets) for condensed in controllers)
+        one, other = (
+            condensed.solve(dynamics, v, dynamics.rotation, targets) for condensed in controllers
+        )
         if any(condensed.status & CondensedStatus.TORQUE_LIMITED for condensed in controllers):
             differ += not np.array_equal(one, other)
-        elif all(condensed.status & CondensedStatus.THRUST_LIMITED == 0 for condensed in controllers):
+        elif all(
+            condensed.status & CondensedStatus.THRUST_LIMITED == 0 for condensed in controllers
+        ):
             assert np.array_equal(one, other)
             same += 1
     assert same > 100
@@ -133,13 +165,18 @@ def test_nothing_changes_where_no_limit_is_near():
 
 @pytest.mark.parametrize(
     ("solver", "formulation", "within"),
-    [("active_set", "input_space", 1e-4), ("active_set", "full", 1e-4), ("proxqp", "input_space", 1e-3)],
+    [
+        ("active_set", "input_space", 1e-4),
+        ("active_set", "full", 1e-4),
+        ("proxqp", "input_space", 1e-3),
+    ],
 )
 def test_controllers_agree_on_a_walk(solver, formulation, within):
-    """On the states of a walk with the damping of the paper authors' model, whose torques are often at their limits.
+    """On the states of a walk with the damping of the paper authors' model, whose torques are often
+    at their limits.
 
-    ProxQP ends within 1 mN·m of the optimum, and up to its tolerance of 1e-8 beyond a limit; the own search leaves
-    ``VIOLATION``, and as much again for rounding where accelerations are large.
+    ProxQP ends within 1 mN·m of the optimum, and up to its tolerance of 1e-8 beyond a limit; the
+    own search leaves ``VIOLATION``, and as much again for rounding where accelerations are large.
     """
     gait = hp.make_gait(DAMPED)
     limits = WholeBodyLimits(mu=0.8)
@@ -156,7 +193,10 @@ def test_controllers_agree_on_a_walk(solver, formulation, within):
         other = general.step(state)
         np.testing.assert_allclose(other.torque, command.torque, rtol=0, atol=within)
         np.testing.assert_allclose(other.thrust, command.thrust, rtol=0, atol=within)
-        assert (np.abs(other.torque) <= DAMPED.torque_limit + (2e-8 if solver == "proxqp" else 2.0 * VIOLATION)).all()
+        assert (
+            np.abs(other.torque)
+            <= DAMPED.torque_limit + (2e-8 if solver == "proxqp" else 2.0 * VIOLATION)
+        ).all()
         limited += bool(condensed.solver.status & CondensedStatus.TORQUE_LIMITED)
         simulator.advance(command, steps=2)
     assert limited > 200
@@ -171,7 +211,9 @@ def test_stands_with_strong_damping(friction):
         run = walked(hp.make_gait(DAMPED), controller=part, mu_s=friction, duration=3.0)
         ends.append(run.ending)
         if share < 1.0:
-            assert hp.measure(run).slip_mm_per_step < (1.0 if friction > 0.5 else 2.5)  # knees come to their ends
+            assert hp.measure(run).slip_mm_per_step < (
+                1.0 if friction > 0.5 else 2.5
+            )  # knees come to their ends
             assert (np.abs(run["torque"]) <= DAMPED.torque_limit).all()
     assert ends[0] == "completed"
     assert friction < 0.8 or ends[1] == "fell"
@@ -182,5 +224,7 @@ def test_stands_with_weak_motors(name):
     part = {"name": name, "parameters": {"limits": {"torque_scale": 0.3}}}
     run = walked(controller=part, actuators=hp.Actuators(torque_share=0.3), duration=2.0)
     assert run.ending == "completed"
-    assert (np.abs(run["torque"]) <= 0.3 * ROBOT.torque_limit + (2e-8 if name == "wbc" else 1e-9)).all()
+    assert (
+        np.abs(run["torque"]) <= 0.3 * ROBOT.torque_limit + (2e-8 if name == "wbc" else 1e-9)
+    ).all()
     assert hp.measure(run).slip_mm_per_step < 1.0

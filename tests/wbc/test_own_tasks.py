@@ -42,22 +42,40 @@ def pinocchio_frame(name, q, v, a, axes=pin.LOCAL_WORLD_ALIGNED):
     pin.updateFramePlacements(model, data)
     i = model.getFrameId(name)
     velocity = pin.getFrameVelocity(model, data, i, axes).vector
-    return data.oMf[i].copy(), velocity, pin.getFrameClassicalAcceleration(model, data, i, axes).vector
+    return (
+        data.oMf[i].copy(),
+        velocity,
+        pin.getFrameClassicalAcceleration(model, data, i, axes).vector,
+    )
 
 
 PARTS = {"position": slice(0, 3), "orientation": slice(3, 6), "both": slice(0, 6)}
 
 
-@given(seeds, st.sampled_from(sorted(PARTS)), st.booleans(), st.sampled_from([f.name for f in ROBOT.model.frames]))
+@given(
+    seeds,
+    st.sampled_from(sorted(PARTS)),
+    st.booleans(),
+    st.sampled_from([f.name for f in ROBOT.model.frames]),
+)
 def test_frames_accelerate_as_pinocchio_says(seed, part, local, name):
     rng, q, v, a, dynamics, state = draw(seed)
-    place, velocity, expected = pinocchio_frame(name, q, v, a, pin.LOCAL if local else pin.LOCAL_WORLD_ALIGNED)
+    place, velocity, expected = pinocchio_frame(
+        name, q, v, a, pin.LOCAL if local else pin.LOCAL_WORLD_ALIGNED
+    )
     axes, rows = "local" if local else "world", PARTS[part]
     matrix, target = hp.FrameTask(name, part=part, axes=axes).rows(dynamics, state)
-    np.testing.assert_allclose(matrix @ a - target, expected[rows], atol=1e-10 * (1.0 + np.abs(expected).max()))
+    np.testing.assert_allclose(
+        matrix @ a - target, expected[rows], atol=1e-10 * (1.0 + np.abs(expected).max())
+    )
 
-    # The desired acceleration: k_p times the way to go, k_d times the difference of velocity, and what is given.
-    way, reference, given_acceleration = rng.standard_normal(3), rng.standard_normal(6), rng.standard_normal(6)
+    # The desired acceleration: k_p times the way to go, k_d times the difference of velocity, and
+    # what is given.
+    way, reference, given_acceleration = (
+        rng.standard_normal(3),
+        rng.standard_normal(6),
+        rng.standard_normal(6),
+    )
     turn = rng.uniform(-1.0, 1.0, 3)
     task = hp.FrameTask(
         name,
@@ -81,8 +99,14 @@ def test_centre_of_mass_and_momentum_move_as_pinocchio_says(seed):
     matrix, target = hp.CentreOfMassTask().rows(dynamics, state)
     np.testing.assert_allclose(matrix @ a - target, data.acom[0], atol=1e-10)
     position, velocity = rng.standard_normal((2, 3))
-    held = hp.CentreOfMassTask(position=position, velocity=velocity, acceleration=(1.0, 2.0, 3.0), gains=(30.0, 4.0))
-    desired = np.array((1.0, 2.0, 3.0)) + 30.0 * (position - data.com[0]) + 4.0 * (velocity - data.vcom[0])
+    held = hp.CentreOfMassTask(
+        position=position, velocity=velocity, acceleration=(1.0, 2.0, 3.0), gains=(30.0, 4.0)
+    )
+    desired = (
+        np.array((1.0, 2.0, 3.0))
+        + 30.0 * (position - data.com[0])
+        + 4.0 * (velocity - data.vcom[0])
+    )
     np.testing.assert_allclose(held.rows(dynamics, state)[1] - target, desired, atol=1e-10)
 
     pin.computeCentroidalMomentumTimeVariation(model, data, q, v, a)
@@ -100,13 +124,17 @@ def test_joints_and_forces_are_picked():
     _, q, v, a, dynamics, state = draw(3)
     names = (ROBOT.joints[4], ROBOT.joints[1])
     position = np.array((0.3, -0.2))
-    task = hp.JointTask(names, position=position, velocity=(1.0, 2.0), acceleration=(3.0, 4.0), gains=(10.0, 2.0))
+    task = hp.JointTask(
+        names, position=position, velocity=(1.0, 2.0), acceleration=(3.0, 4.0), gains=(10.0, 2.0)
+    )
     matrix, target = task.rows(dynamics, state)
     np.testing.assert_array_equal(matrix @ a, a[[10, 7]])
     desired = (3.0, 4.0) + 10.0 * (position - q[[11, 8]]) + 2.0 * ((1.0, 2.0) - v[[10, 7]])
     np.testing.assert_allclose(target, desired)
     one = hp.JointTask(names[0], position=0.3, velocity=1.0, acceleration=3.0, gains=(10.0, 2.0))
-    np.testing.assert_array_equal(one.rows(dynamics, state)[1], target[:1])  # a number will do for one joint
+    np.testing.assert_array_equal(
+        one.rows(dynamics, state)[1], target[:1]
+    )  # a number will do for one joint
     with pytest.raises(hp.InputError, match="position"):
         hp.JointTask(names, position=0.3, gains=(10.0, 2.0))
     matrix, target = hp.FootForceTask("right_foot", force=(1.0, 2.0, 3.0)).rows(dynamics, state)
@@ -125,7 +153,9 @@ class OnEverything:
 
 
 def pinocchio_tasks(rng, q, v, a_zero):
-    """Each of the tasks with its A and d of A [a; f] + d, from Pinocchio's functions; and what is desired."""
+    """Each of the tasks with its A and d of A [a; f] + d, from Pinocchio's functions; and what is
+    desired.
+    """
     model, data = ROBOT.model, ROBOT.model.createData()
     pin.computeJointJacobians(model, data, q)
     pin.updateFramePlacements(model, data)
@@ -154,7 +184,9 @@ def pinocchio_tasks(rng, q, v, a_zero):
 
 
 def compare(seed, formulation, *, ranges, force_only=False, weights=None):
-    """Our optimum and that of the independent program, [a; f; u], with random tasks added; None where there is none."""
+    """Our optimum and that of the independent program, [a; f; u], with random tasks added; None
+    where there is none.
+    """
     q, v, targets = random_case(seed)
     rng = np.random.default_rng(seed + 1)
     tasks = pinocchio_tasks(rng, q, v, np.zeros(NV))
@@ -172,14 +204,21 @@ def compare(seed, formulation, *, ranges, force_only=False, weights=None):
         limited = ranges and k == 0  # three rows: kernels are compiled for every size
         bounds = {"lower": low, "upper": high} if limited else {}
         entries.append(added.add(task, sample(q, v), weight=weight, **bounds))
-        a, b = np.vstack((a, np.sqrt(weight)[:, None] * rows)), np.concatenate((b, -np.sqrt(weight) * drift))
+        a, b = (
+            np.vstack((a, np.sqrt(weight)[:, None] * rows)),
+            np.concatenate((b, -np.sqrt(weight) * drift)),
+        )
         if limited:
             resting = rows[:, :18].copy()
             resting[:, 12:] *= np.repeat(targets.held, 3)
-            for row, offset, least, largest, keep in zip(rows, drift, low, high, resting.any(axis=1), strict=True):
+            for row, offset, least, largest, keep in zip(
+                rows, drift, low, high, resting.any(axis=1), strict=True
+            ):
                 if keep:
                     inequality = np.vstack((inequality, row, -row))
-                    upper = np.concatenate((upper, np.minimum((largest - offset, offset - least), 1e9)))
+                    upper = np.concatenate(
+                        (upper, np.minimum((largest - offset, offset - least), 1e9))
+                    )
     z, flag = solve_oracle((a, b, equality, value, inequality, upper))
     dynamics = evaluated(q, v)
     problem.build(dynamics, v, dynamics.rotation, targets)
@@ -195,7 +234,9 @@ def compare(seed, formulation, *, ranges, force_only=False, weights=None):
         np.testing.assert_allclose(entry.matrix[:, : matrix.shape[1]], matrix, atol=1e-12)
         if not force_only:
             np.testing.assert_allclose(entry.error, errors, atol=1e-4)
-    found = np.concatenate((problem.acceleration(solution.z), problem.contact_force(solution.z).ravel(), inputs[:6]))
+    found = np.concatenate(
+        (problem.acceleration(solution.z), problem.contact_force(solution.z).ravel(), inputs[:6])
+    )
     return found, z, inputs
 
 
@@ -213,7 +254,9 @@ def test_many_ranges_are_active_and_some_contradict():
     solved = 0
     changed = 0
     for seed in range(60):
-        plain, with_ranges = (compare(seed, "input_space", ranges=ranges)[0] for ranges in (False, True))
+        plain, with_ranges = (
+            compare(seed, "input_space", ranges=ranges)[0] for ranges in (False, True)
+        )
         if isinstance(with_ranges, bool):
             continue
         solved += 1
@@ -223,18 +266,24 @@ def test_many_ranges_are_active_and_some_contradict():
 
 
 def test_forces_alone_take_tasks_on_forces():
-    """The optimum of the general program, wherever no motor is at its limit (see the module ``wbc.force``)."""
+    """The optimum of the general program, wherever no motor is at its limit (see the module
+    ``wbc.force``).
+    """
     equal = 0
     box = np.tile((0.4 * 53.0, 0.4 * 53.0, 53.0 * np.sqrt(0.68)), 2)
     for seed in range(120):
-        found, expected, inputs = compare(seed, "contact_force", ranges=seed % 2 == 0, force_only=True, weights=LOOSE)
+        found, expected, inputs = compare(
+            seed, "contact_force", ranges=seed % 2 == 0, force_only=True, weights=LOOSE
+        )
         if isinstance(found, bool) or seed % 4 == 3:  # in the air there is nothing to choose
             continue
         limit = np.concatenate((box, ROBOT.torque_limit))
         if (np.abs(inputs) > limit - 1e-6).any():
             continue
         equal += 1
-        np.testing.assert_allclose(found, expected, rtol=0, atol=2e-6 * (1.0 + np.abs(expected).max()))
+        np.testing.assert_allclose(
+            found, expected, rtol=0, atol=2e-6 * (1.0 + np.abs(expected).max())
+        )
     assert equal > 40
 
 
@@ -242,19 +291,29 @@ def test_forces_alone_refuse_tasks_on_accelerations():
     gait = hp.make_gait(ROBOT)
     controller = hp.make_controller("wbc", gait, mu=0.5, formulation="contact_force")
     controller.add(hp.FootForceTask("left_foot"), weight=1.0)
-    for task in (hp.FrameTask("left_knee"), hp.CentreOfMassTask(), OnEverything(np.random.default_rng(0))):
-        with pytest.raises(hp.InputError, match="'contact_force' takes tasks on contact forces only"):
+    for task in (
+        hp.FrameTask("left_knee"),
+        hp.CentreOfMassTask(),
+        OnEverything(np.random.default_rng(0)),
+    ):
+        with pytest.raises(
+            hp.InputError, match="'contact_force' takes tasks on contact forces only"
+        ):
             controller.add(task, weight=1.0)
 
 
 def test_range_of_a_foot_in_the_air_rests():
-    """At least 40 N on the left foot: held on the ground, and no contradiction in the air, in every formulation."""
+    """At least 40 N on the left foot: held on the ground, and no contradiction in the air, in every
+    formulation.
+    """
     for formulation in ("input_space", "full", "contact_force"):
         problem = make_problem(formulation, ROBOT, None, LIMITS)
         for seed in range(4):
             q, v, targets = random_case(seed)
             added = AddedTasks(problem)
-            task = added.add(hp.FootForceTask("left_foot"), sample(q, v), lower=(-np.inf, -np.inf, 40.0))
+            task = added.add(
+                hp.FootForceTask("left_foot"), sample(q, v), lower=(-np.inf, -np.inf, 40.0)
+            )
             dynamics = evaluated(q, v)
             problem.build(dynamics, v, dynamics.rotation, targets)
             added.build(dynamics, sample(q, v), targets.held)
@@ -274,19 +333,26 @@ def walk(*, formulation="input_space", solver="proxqp", add=None, duration=1.5):
         made.append(None if add is None else add(made[0]))
         return made[0]
 
-    return hp.walk(hp.Scenario(ground=hp.Ground(mu_s=0.4), duration=duration), controller=controller), *made
+    return hp.walk(
+        hp.Scenario(ground=hp.Ground(mu_s=0.4), duration=duration), controller=controller
+    ), *made
 
 
 @pytest.mark.parametrize("formulation", ["input_space", "full"])
 def test_walks_with_a_task_and_a_range(formulation):
-    """The knee's task changes the walk, the range holds at every tick, and the last active set is tried first."""
+    """The knee's task changes the walk, the range holds at every tick, and the last active set is
+    tried first.
+    """
     own = {"formulation": formulation, "solver": "active_set"}
     plain, _, _ = walk(**own)
     heaviest = plain["desired_force"][:, :, 2].max()
 
     def add(controller):
         controller.add(hp.FrameTask("left_knee", part="orientation", gains=(0.0, 5.0)), weight=1e-3)
-        return [controller.add(hp.FootForceTask(foot), upper=(np.inf, np.inf, 0.9 * heaviest)) for foot in ROBOT.feet]
+        return [
+            controller.add(hp.FootForceTask(foot), upper=(np.inf, np.inf, 0.9 * heaviest))
+            for foot in ROBOT.feet
+        ]
 
     run, controller, tasks = walk(**own, add=add)
     assert controller.added.tasks[1:] == tasks
@@ -300,10 +366,14 @@ def test_walks_with_a_task_and_a_range(formulation):
 
 
 def test_nothing_added_changes_nothing():
-    """A task of no weight has the path of added tasks, and leaves every bit of the walk as it was."""
+    """A task of no weight has the path of added tasks, and leaves every bit of the walk as it
+    was.
+    """
     plain, controller, _ = walk(solver="active_set")
     assert controller.added is None
-    with_nothing, _, _ = walk(solver="active_set", add=lambda c: c.add(hp.FrameTask("left_knee"), weight=0.0))
+    with_nothing, _, _ = walk(
+        solver="active_set", add=lambda c: c.add(hp.FrameTask("left_knee"), weight=0.0)
+    )
     for name in ("q", "v", "torque", "thrust", "desired_force"):
         np.testing.assert_array_equal(plain[name], with_nothing[name])
 
@@ -311,7 +381,10 @@ def test_nothing_added_changes_nothing():
 def test_weight_and_references_may_be_overwritten():
     task = hp.CentreOfMassTask()
     controller = hp.make_controller("wbc", hp.make_gait(ROBOT), mu=0.4)
-    entry, other = controller.add(task, weight=1.0), controller.add(hp.wbc.MomentumTask(), weight=(0.0, 0.0, 0.1))
+    entry, other = (
+        controller.add(task, weight=1.0),
+        controller.add(hp.wbc.MomentumTask(), weight=(0.0, 0.0, 0.1)),
+    )
     q, v = controller.gait.initial_state()
     state = hp.State(0.0, q, v, *np.zeros((2, 2, 3)), np.tile((0.0, 0.0, 30.0), (2, 1)))
     controller.step(state)
@@ -327,7 +400,9 @@ def test_weight_and_references_may_be_overwritten():
 
 
 def test_error_is_no_number_where_there_is_no_solution():
-    """A range out of reach: the tick fails, the last command is held, and the error does not lie."""
+    """A range out of reach: the tick fails, the last command is held, and the error does not
+    lie.
+    """
     controller = hp.make_controller("wbc", hp.make_gait(ROBOT), mu=0.4)
     entry = controller.add(hp.CentreOfMassTask(), lower=-1e3)
     q, v = controller.gait.initial_state()
@@ -354,25 +429,61 @@ class Given:
 @pytest.mark.parametrize(
     ("task", "how", "match"),
     [
-        (lambda: hp.FrameTask("tail"), {"weight": 1.0}, "unknown frame 'tail'; valid names: .*left_knee"),
+        (
+            lambda: hp.FrameTask("tail"),
+            {"weight": 1.0},
+            "unknown frame 'tail'; valid names: .*left_knee",
+        ),
         (lambda: hp.JointTask("tail"), {"weight": 1.0}, "unknown joint 'tail'; valid names: "),
-        (lambda: hp.FootForceTask("tail"), {"weight": 1.0}, "unknown foot 'tail'; valid names: left_foot, right_foot"),
+        (
+            lambda: hp.FootForceTask("tail"),
+            {"weight": 1.0},
+            "unknown foot 'tail'; valid names: left_foot, right_foot",
+        ),
         (lambda: hp.FrameTask("left_knee"), {}, "needs a weight, a range"),
         (lambda: hp.FrameTask("left_knee"), {"weight": -1.0}, "negative"),
         (lambda: hp.FrameTask("left_knee"), {"weight": 1e9}, "weight must be"),
         (lambda: hp.FrameTask("left_knee"), {"weight": (1.0, 2.0)}, r"shape \(3,\)"),
         (lambda: hp.FrameTask("left_knee"), {"lower": 1.0, "upper": 0.0}, "above upper"),
         (lambda: hp.FrameTask("left_knee"), {"lower": np.nan}, "numbers"),
-        (lambda: hp.FrameTask("left_knee", gains=(1.0, 0.0)), {"weight": 1.0}, "k_p needs a position"),
-        (lambda: hp.FrameTask("left_knee", part="orientation", gains=(1.0, 0.0)), {"weight": 1.0}, "needs a rotation"),
-        (lambda: hp.FrameTask("left_knee", position=(0.0, 0.0, 1.0)), {"weight": 1.0}, r"gain k_p, .*\(100, 20\)"),
-        (lambda: hp.FrameTask("left_knee", part="both", rotation=np.eye(3)), {"weight": 1.0}, "rotation needs a gain"),
-        (lambda: hp.JointTask("left_knee", position=1.0, gains=(0.0, 5.0)), {"weight": 1.0}, "position needs a gain"),
+        (
+            lambda: hp.FrameTask("left_knee", gains=(1.0, 0.0)),
+            {"weight": 1.0},
+            "k_p needs a position",
+        ),
+        (
+            lambda: hp.FrameTask("left_knee", part="orientation", gains=(1.0, 0.0)),
+            {"weight": 1.0},
+            "needs a rotation",
+        ),
+        (
+            lambda: hp.FrameTask("left_knee", position=(0.0, 0.0, 1.0)),
+            {"weight": 1.0},
+            r"gain k_p, .*\(100, 20\)",
+        ),
+        (
+            lambda: hp.FrameTask("left_knee", part="both", rotation=np.eye(3)),
+            {"weight": 1.0},
+            "rotation needs a gain",
+        ),
+        (
+            lambda: hp.JointTask("left_knee", position=1.0, gains=(0.0, 5.0)),
+            {"weight": 1.0},
+            "position needs a gain",
+        ),
         (lambda: hp.FrameTask("left_knee", part="shape"), {"weight": 1.0}, "unknown part"),
         (lambda: hp.FrameTask("left_knee", axes="body"), {"weight": 1.0}, "unknown axes"),
         (lambda: hp.CentreOfMassTask(position=(0.0, 1.0)), {"weight": 1.0}, r"shape \(3,\)"),
-        (lambda: Given(np.zeros((1, 5)), np.zeros(1)), {"weight": 1.0}, "rows of Given must have shapes"),
-        (lambda: Given(np.zeros((2, 12)), np.zeros(1)), {"weight": 1.0}, "rows of Given must have shapes"),
+        (
+            lambda: Given(np.zeros((1, 5)), np.zeros(1)),
+            {"weight": 1.0},
+            "rows of Given must have shapes",
+        ),
+        (
+            lambda: Given(np.zeros((2, 12)), np.zeros(1)),
+            {"weight": 1.0},
+            "rows of Given must have shapes",
+        ),
         (lambda: Given(np.full((1, 12), np.nan), np.zeros(1)), {"weight": 1.0}, "finite"),
     ],
 )

@@ -1,4 +1,6 @@
-"""ProxQP as the solver of the whole-body QP: that it runs, what it finds, and what follows where it does not finish."""
+"""ProxQP as the solver of the whole-body QP: that it runs, what it finds, and what follows where it
+does not finish.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +25,9 @@ OWN = hp.WholeBody(parameters={"solver": "active_set"})
 
 
 class Counted:
-    """A ``proxsuite`` QP whose solves are counted, in the place of ``proxsuite.proxqp.dense.QP``."""
+    """A ``proxsuite`` QP whose solves are counted, in the place of
+    ``proxsuite.proxqp.dense.QP``.
+    """
 
     solves = 0
 
@@ -48,7 +52,9 @@ def counted(monkeypatch: pytest.MonkeyPatch) -> type[Counted]:
     return Counted
 
 
-@pytest.mark.parametrize("controller", ["wbc", hp.WholeBody(), hp.WholeBody(parameters={"thrust_lag": 0.05})], ids=str)
+@pytest.mark.parametrize(
+    "controller", ["wbc", hp.WholeBody(), hp.WholeBody(parameters={"thrust_lag": 0.05})], ids=str
+)
 def test_every_tick_of_the_default_calls_proxsuite(controller: Any, counted: type[Counted]) -> None:
     run = walked(controller=controller, mu_s=0.8, duration=0.3)
     assert counted.solves >= len(run)
@@ -57,7 +63,9 @@ def test_every_tick_of_the_default_calls_proxsuite(controller: Any, counted: typ
 
 @pytest.mark.parametrize("more", [{}, {"thrust_lag": 0.05}, {"formulation": "full"}], ids=str)
 def test_the_own_search_never_calls_proxsuite(more: dict[str, Any], counted: type[Counted]) -> None:
-    run = walked(controller=hp.WholeBody(parameters={"solver": "active_set", **more}), mu_s=0.2, duration=0.3)
+    run = walked(
+        controller=hp.WholeBody(parameters={"solver": "active_set", **more}), mu_s=0.2, duration=0.3
+    )
     assert run.ending == "completed"
     walked(controller="condensed", mu_s=0.2, duration=0.1)
     assert counted.solves == 0
@@ -65,11 +73,15 @@ def test_the_own_search_never_calls_proxsuite(more: dict[str, Any], counted: typ
 
 @pytest.mark.parametrize("formulation", ["input_space", "full"])
 def test_commands_are_those_of_active_set_methods(formulation: str, fuzz: int) -> None:
-    """At random states, within 1 mN·m of our own search, DAQP and quadprog; they agree on what has no solution."""
+    """At random states, within 1 mN·m of our own search, DAQP and quadprog; they agree on what has
+    no solution.
+    """
     rng = np.random.default_rng(1)
     names = ("proxqp", "active_set", "daqp", "quadprog")
     made = {
-        name: hp.make_controller("wbc", hp.make_gait(ROBOT), mu=0.4, formulation=formulation, solver=name)
+        name: hp.make_controller(
+            "wbc", hp.make_gait(ROBOT), mu=0.4, formulation=formulation, solver=name
+        )
         for name in names
     }
     solved = limited = 0
@@ -83,18 +95,27 @@ def test_commands_are_those_of_active_set_methods(formulation: str, fuzz: int) -
         solved += 1
         limited += bool((np.abs(commands["daqp"].torque) > ROBOT.torque_limit - 1e-6).any())
         for name in names[1:]:
-            np.testing.assert_allclose(commands["proxqp"].torque, commands[name].torque, rtol=0, atol=1e-3)
-            np.testing.assert_allclose(commands["proxqp"].thrust, commands[name].thrust, rtol=0, atol=1e-3)
+            np.testing.assert_allclose(
+                commands["proxqp"].torque, commands[name].torque, rtol=0, atol=1e-3
+            )
+            np.testing.assert_allclose(
+                commands["proxqp"].thrust, commands[name].thrust, rtol=0, atol=1e-3
+            )
     assert solved > 50 * fuzz
     assert limited > 10 * fuzz
 
 
 def test_walks_are_those_of_the_own_search() -> None:
-    """Pushed on slippery ground, torques at their limits: the same way to some nanometres, and no fallback."""
+    """Pushed on slippery ground, torques at their limits: the same way to some nanometres, and no
+    fallback.
+    """
     weak = {"limits": {"torque_scale": 0.3}}
     how = {"mu_s": 0.25, "duration": 1.5, "pushes": (hp.Push(0.6, (0.0, 3.0, 0.0)),)}
     how |= {"actuators": hp.Actuators(torque_share=0.3)}
-    runs = [walked(controller=hp.WholeBody(parameters={"solver": s, **weak}), **how) for s in ("proxqp", "active_set")]
+    runs = [
+        walked(controller=hp.WholeBody(parameters={"solver": s, **weak}), **how)
+        for s in ("proxqp", "active_set")
+    ]
     assert (np.abs(runs[1]["torque"]) > 0.3 * ROBOT.torque_limit - 1e-6).any(axis=1).sum() > 50
     np.testing.assert_allclose(runs[0]["q"], runs[1]["q"], rtol=0, atol=1e-6)
     assert hp.measure(runs[0]).solver_fallbacks == hp.measure(runs[0]).solver_failures == 0
@@ -102,13 +123,20 @@ def test_walks_are_those_of_the_own_search() -> None:
 
 @pytest.mark.parametrize("factor", [1e-3, 1.0, 1e3])
 @pytest.mark.parametrize("name", ["go2", "g1"])
-def test_robots_stand_without_a_fallback_whatever_the_unit_of_the_weights(name: str, factor: float) -> None:
+def test_robots_stand_without_a_fallback_whatever_the_unit_of_the_weights(
+    name: str, factor: float
+) -> None:
     """The robots' own weights times a common factor; torques are those of DAQP within 1 mN·m."""
     gait = hp.Standing(hp.load_robot(name))
     w = WholeBodyParameters.for_gait(gait).weights
     weights = {task: factor * weight for task, weight in asdict(w).items()}
-    made = {s: hp.make_controller("wbc", gait, mu=0.6, weights=weights, solver=s) for s in ("proxqp", "daqp")}
-    run = hp.walk(hp.Scenario(controller="condensed", ground=hp.Ground(mu_s=0.6), duration=0.1), gait=gait)
+    made = {
+        s: hp.make_controller("wbc", gait, mu=0.6, weights=weights, solver=s)
+        for s in ("proxqp", "daqp")
+    }
+    run = hp.walk(
+        hp.Scenario(controller="condensed", ground=hp.Ground(mu_s=0.6), duration=0.1), gait=gait
+    )
     for state in states_of(run):
         commands = [controller.step(state) for controller in made.values()]
         np.testing.assert_allclose(commands[0].torque, commands[1].torque, rtol=0, atol=1e-3)
@@ -136,7 +164,9 @@ def test_where_proxqp_does_not_finish_the_dual_method_follows_and_is_counted() -
 
 
 def test_programs_without_a_solution_are_bounded_and_fall_back() -> None:
-    """A foot that must push harder than the motors can: ProxQP ends, the dual method proves it, the command is held."""
+    """A foot that must push harder than the motors can: ProxQP ends, the dual method proves it, the
+    command is held.
+    """
     settings = {"min_normal_force": 900.0, "max_normal_force": 1000.0}
     gait = hp.make_gait(ROBOT)
     controller = hp.make_controller("wbc", gait, mu=0.5, limits={"give_way": 1.0}, **settings)
@@ -156,7 +186,10 @@ def small_program(n: int = 6, rows: int = 10, seed: int = 0) -> QuadraticProgram
     rng = np.random.default_rng(seed)
     program = QuadraticProgram(n, equalities=1, inequalities=rows, bounded=2)
     root = rng.standard_normal((n, n))
-    program.hessian[:], program.gradient[:] = root @ root.T + np.eye(n), 5.0 * rng.standard_normal(n)
+    program.hessian[:], program.gradient[:] = (
+        root @ root.T + np.eye(n),
+        5.0 * rng.standard_normal(n),
+    )
     program.equality[:], program.equality_value[:] = rng.standard_normal((1, n)), 0.1
     program.inequality[2:] = rng.standard_normal((rows, n))
     program.lower[2:7], program.upper[7:] = -0.2, 0.2  # five from below, five from above
@@ -173,7 +206,9 @@ def test_rows_from_below_become_rows_from_above() -> None:
     for z in np.random.default_rng(1).standard_normal((200, n)):
         ours = np.maximum(lower - matrix @ z, matrix @ z - upper)
         given = program.inequality @ z
-        np.testing.assert_allclose(ours, np.maximum(program.lower - given, given - program.upper), atol=1e-12)
+        np.testing.assert_allclose(
+            ours, np.maximum(program.lower - given, given - program.upper), atol=1e-12
+        )
     np.testing.assert_array_equal(record["hessian"][0], 10.0 * program.hessian)
     np.testing.assert_array_equal(record["gradient"][0], 10.0 * program.gradient)
     assert (upper < 1e19).all()
@@ -181,7 +216,9 @@ def test_rows_from_below_become_rows_from_above() -> None:
 
 
 def test_infeasible_rows_from_below_are_seen_by_proxqp_itself() -> None:
-    """z ≥ 1 and −z ≥ 1, both as lower bounds, of each variable: ProxQP's own word, without the dual method."""
+    """z ≥ 1 and −z ≥ 1, both as lower bounds, of each variable: ProxQP's own word, without the dual
+    method.
+    """
     program = QuadraticProgram(3, equalities=0, inequalities=6, bounded=0)
     program.hessian[:] = np.eye(3)
     program.inequality[:3], program.inequality[3:] = np.eye(3), -np.eye(3)
@@ -190,7 +227,9 @@ def test_infeasible_rows_from_below_are_seen_by_proxqp_itself() -> None:
 
 
 def test_small_programs_are_solved_to_the_optimum_where_proxqp_says_so() -> None:
-    """With the duality gap checked: 200 programs, each from the last one's solution, against quadprog."""
+    """With the duality gap checked: 200 programs, each from the last one's solution, against
+    quadprog.
+    """
     solver = make_solver("proxqp", small_program())
     exact = make_solver("quadprog", small_program())
     optimal = 0

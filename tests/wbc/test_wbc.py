@@ -9,7 +9,14 @@ from hypothesis import strategies as st
 from whole_body_oracle import MU, ROBOT, oracle, random_case, solve_oracle
 
 import harpy_pin as hp
-from harpy_pin.wbc import FORMULATIONS, SOLVERS, WholeBodyLimits, installed_solvers, make_problem, make_solver
+from harpy_pin.wbc import (
+    FORMULATIONS,
+    SOLVERS,
+    WholeBodyLimits,
+    installed_solvers,
+    make_problem,
+    make_solver,
+)
 
 ALIKE = ("input_space", "full")
 """Formulations of the very same program; that of ``force`` has its own tests."""
@@ -45,14 +52,17 @@ def test_solution_is_that_of_an_independent_program(seed, formulation, faces):
     inputs = np.empty(12)
     problem.inputs(found, inputs)
     ours = np.concatenate((acceleration, force.ravel(), inputs[:6]))
-    assert np.sum((a @ ours - b) ** 2) == pytest.approx(np.sum((a @ z - b) ** 2), rel=1e-7, abs=1e-8)
+    assert np.sum((a @ ours - b) ** 2) == pytest.approx(
+        np.sum((a @ z - b) ** 2), rel=1e-7, abs=1e-8
+    )
     np.testing.assert_allclose(ours, z, atol=1e-5)
 
 
 ACCURACY = {"proxqp": 1e-3, "piqp": 0.1, "osqp": 0.3, "clarabel": 0.1}
 ACCURACY |= dict.fromkeys(("active_set", "daqp", "quadprog"), 1e-6)
-"""Largest difference of a command, N and N·m, that a solver's own tolerance leaves: the objective is as flat as 1e-5
-per squared newton in some directions."""
+"""Largest difference of a command, N and N·m, that a solver's own tolerance leaves: the objective
+is as flat as 1e-5 per squared newton in some directions.
+"""
 
 
 @pytest.mark.parametrize("formulation", sorted(FORMULATIONS))
@@ -96,13 +106,19 @@ def test_reused_active_set_is_always_optimal(formulation):
             assert found is None, seed
             continue
         found_some += 1
-        np.testing.assert_allclose(found, expected, rtol=0, atol=1e-5 * max(1.0, np.abs(expected).max()))
+        np.testing.assert_allclose(
+            found, expected, rtol=0, atol=1e-5 * max(1.0, np.abs(expected).max())
+        )
     assert found_some > 50
-    assert solver.searched < 0.5 * found_some  # it is the exchange that was tested, not the dual method
+    assert (
+        solver.searched < 0.5 * found_some
+    )  # it is the exchange that was tested, not the dual method
 
 
 def test_last_active_set_seldom_needs_help_in_a_walk():
-    walk = hp.build(hp.Scenario(controller=hp.WholeBody(parameters={"solver": "active_set"}), duration=1.0))
+    walk = hp.build(
+        hp.Scenario(controller=hp.WholeBody(parameters={"solver": "active_set"}), duration=1.0)
+    )
     run, controller = walk.run(), walk.controller
     assert run.metadata["ending"] == "completed"
     assert np.all(run["qp_status"] == 0)
@@ -111,7 +127,9 @@ def test_last_active_set_seldom_needs_help_in_a_walk():
 
 @given(st.integers(0, 10_000), st.sampled_from(sorted(FORMULATIONS)))
 def test_solution_moves_the_robot_as_it_says(seed, formulation):
-    """Torques, contact forces and thrusts of the solution, put through ABA, give its accelerations."""
+    """Torques, contact forces and thrusts of the solution, put through ABA, give its
+    accelerations.
+    """
     q, v, targets = random_case(seed)
     problem = built(q, v, targets, formulation=formulation)
     z = solved(make_solver("daqp", problem.program), problem.program)
@@ -135,7 +153,9 @@ def test_warm_start_changes_nothing_but_the_work():
     program = replay.problem.program
     solver, fresh = make_solver("proxqp", program), make_solver("proxqp", program)
     for i in range(0, len(run), 20):
-        signals = (run[name][i] for name in ("q", "v", "foot_position", "foot_velocity", "foot_force"))
+        signals = (
+            run[name][i] for name in ("q", "v", "foot_position", "foot_velocity", "foot_force")
+        )
         state = hp.State(float(run["t"][i]), *signals)
         replay.prepare(state)
         replay.build(state)
@@ -149,7 +169,9 @@ def test_warm_start_changes_nothing_but_the_work():
 
 @pytest.mark.parametrize("name", sorted(SOLVERS))
 def test_infeasible_is_reported_and_forgotten(name):
-    """A foot that must push harder than the robot can bear: no usable solution, and the next problem is solved."""
+    """A foot that must push harder than the robot can bear: no usable solution, and the next
+    problem is solved.
+    """
     q, v, targets = random_case(0)
     program = built(q, v, targets).program
     solver = make_solver(name, program)
@@ -185,7 +207,9 @@ def test_not_a_number_never_passes_as_a_solution(name):
 def test_unknown_or_absent_solver(monkeypatch):
     q, v, targets = random_case(0)
     program = built(q, v, targets).program
-    with pytest.raises(hp.InputError, match="unknown solver 'gurobi'; valid names: active_set, clarabel, daqp"):
+    with pytest.raises(
+        hp.InputError, match="unknown solver 'gurobi'; valid names: active_set, clarabel, daqp"
+    ):
         make_solver("gurobi", program)
     with pytest.raises(hp.InputError, match="unknown formulation"):
         make_problem("sparse", ROBOT)

@@ -1,4 +1,6 @@
-"""The whole-body optimum in six unknowns: beside dense programs, at the edges of what robots can do, and bounded."""
+"""The whole-body optimum in six unknowns: beside dense programs, at the edges of what robots can
+do, and bounded.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +13,17 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from needs import needs_robots
 from oracle import run_plain
-from tree_cases import CASES, LIMITS, Case, humanoid, legged, random_tree, solve_proxqp, solve_quadprog, two_joints
+from tree_cases import (
+    CASES,
+    LIMITS,
+    Case,
+    humanoid,
+    legged,
+    random_tree,
+    solve_proxqp,
+    solve_quadprog,
+    two_joints,
+)
 
 import harpy_pin as hp
 from harpy_pin.errors import InputError
@@ -55,7 +67,8 @@ def test_the_optimum_is_that_of_the_dense_program(name, fuzz):
 @given(st.integers(0, 10**6))
 @settings(max_examples=25, deadline=None)
 def test_any_tree_with_any_contacts(seed):
-    """Feet anywhere, several on a limb, points and soles, most of them contradictory: soft, so all are possible.
+    """Feet anywhere, several on a limb, points and soles, most of them contradictory: soft, so all
+    are possible.
 
     In Python, since every shape of tree would be compiled for itself.
     """
@@ -67,7 +80,9 @@ def test_any_tree_with_any_contacts(seed):
 
 
 def check_promise(case, state, solution):
-    """Finite; forces in their cones and ranges; and motion, torques and forces satisfy the equations of motion."""
+    """Finite; forces in their cones and ranges; and motion, torques and forces satisfy the
+    equations of motion.
+    """
     assert np.isfinite(case.answer(solution)).all()
     assert np.isfinite(solution.torque).all()
     held = np.repeat(case.solver.held, case.robot.corners) > 0.0
@@ -81,16 +96,22 @@ def check_promise(case, state, solution):
     answer = case.answer(solution)
     scale = np.abs(equality[:6]) @ np.abs(answer) + np.abs(value[:6])
     assert (np.abs(equality[:6] @ answer - value[:6]) <= 1e-7 * scale.max()).all()
-    np.testing.assert_allclose(solution.torque, torques(answer), rtol=0, atol=1e-9 * (1.0 + np.abs(answer).max() * 100))
+    np.testing.assert_allclose(
+        solution.torque, torques(answer), rtol=0, atol=1e-9 * (1.0 + np.abs(answer).max() * 100)
+    )
 
 
 @needs_robots
-@pytest.mark.parametrize("name", ["go2 stands", "harpy on one foot", "g1 stands", "legs of two joints trot"])
+@pytest.mark.parametrize(
+    "name", ["go2 stands", "harpy on one foot", "g1 stands", "legs of two joints trot"]
+)
 def test_promise_for_every_state_and_target(name, fuzz):
     """Whatever is asked for, warm from an answer to something else; contacts on slopes, too."""
     case, rng, seen = CASES[name](), np.random.default_rng(2), [0, 0, 0]
     for _ in range(150 * fuzz):
-        state = case.draw(rng, spread=10.0 ** rng.uniform(-2.0, 0.0), size=10.0 ** rng.uniform(-1.0, 2.0))
+        state = case.draw(
+            rng, spread=10.0 ** rng.uniform(-2.0, 0.0), size=10.0 ** rng.uniform(-1.0, 2.0)
+        )
         case.solver.held[:] = rng.integers(0, 2, len(case.solver.held))
         turn = pin.exp3(0.5 * rng.standard_normal(3))
         case.solver.contact_frame[:] = turn if rng.random() < 0.5 else np.eye(3)
@@ -105,9 +126,15 @@ def test_promise_for_every_state_and_target(name, fuzz):
 @pytest.mark.parametrize("bend", [0.0, 1e-9, 1e-6, 1e-3])
 @pytest.mark.parametrize("name", ["go2", "g1"])
 def test_straight_knees_are_no_special_case(name, bend):
-    """A straight leg holds its foot all the same: contacts do not move, and the answer is that of the dense program."""
+    """A straight leg holds its foot all the same: contacts do not move, and the answer is that of
+    the dense program.
+    """
     case, rng = legged("go2") if name == "go2" else humanoid("g1"), np.random.default_rng(3)
-    knees = [1 + 6 + n for n, joint in enumerate(case.robot.joints) if ("calf" if name == "go2" else "knee") in joint]
+    knees = [
+        1 + 6 + n
+        for n, joint in enumerate(case.robot.joints)
+        if ("calf" if name == "go2" else "knee") in joint
+    ]
     assert len(knees) in (2, 4)
     for _ in range(3):
         state = case.draw(rng, spread=0.1)
@@ -131,7 +158,9 @@ def test_contradictory_feet_get_the_nearest_motion():
 
 
 def test_forces_that_are_no_optimum_have_their_motion():
-    """Where the search ends at its bound, λ = K⁻¹ (w − G f) gives the motion of whatever forces are at hand."""
+    """Where the search ends at its bound, λ = K⁻¹ (w − G f) gives the motion of whatever forces are
+    at hand.
+    """
     case, rng = CASES["legs of seven joints"](), np.random.default_rng(5)
     case.solver.solve(case.draw(rng))
     newton = case.solver._record_["newton"]
@@ -139,16 +168,25 @@ def test_forces_that_are_no_optimum_have_their_motion():
     multiplier = np.empty(6)
     multiplier_of_forces(newton, multiplier)
     wrench = newton["force_map"][0].T @ newton["force"][0]
-    np.testing.assert_allclose(newton["compliance"][0] @ multiplier + wrench, newton["demand"][0], rtol=1e-9, atol=1e-8)
+    np.testing.assert_allclose(
+        newton["compliance"][0] @ multiplier + wrench, newton["demand"][0], rtol=1e-9, atol=1e-8
+    )
 
 
 numbers = st.floats(-50.0, 50.0, allow_subnormal=False)
 
 
-@given(st.tuples(numbers, numbers, numbers), st.floats(0.05, 1.5), st.floats(0.0, 20.0), st.floats(0.0, 40.0))
+@given(
+    st.tuples(numbers, numbers, numbers),
+    st.floats(0.05, 1.5),
+    st.floats(0.0, 20.0),
+    st.floats(0.0, 40.0),
+)
 @settings(max_examples=300, deadline=None)
 def test_the_nearest_force_of_a_pyramid(g, friction, lower, more):
-    """No force of the pyramid and range is nearer: (g − f) · (h − f) ≤ 0 for each of its corners h."""
+    """No force of the pyramid and range is nearer: (g − f) · (h − f) ≤ 0 for each of its corners
+    h.
+    """
     g, force, derivative = np.array(g), np.empty(3), np.empty((3, 3))
     upper = lower + more
     project(g, friction, lower, upper, FACES, force, derivative)
@@ -156,14 +194,18 @@ def test_the_nearest_force_of_a_pyramid(g, friction, lower, more):
     assert (FACES[:, :2] @ force[:2] <= friction * force[2] + 1e-9).all()
     around = ANGLES + np.pi / 8
     edges = np.column_stack((np.cos(around), np.sin(around))) * friction / np.cos(np.pi / 8)
-    corners = np.vstack([np.column_stack((height * edges, np.full(8, height))) for height in (lower, upper)])
+    corners = np.vstack(
+        [np.column_stack((height * edges, np.full(8, height))) for height in (lower, upper)]
+    )
     assert ((corners - force) @ (g - force) <= 1e-9 * (1.0 + np.abs(g).max() ** 2)).all()
     there, piece = np.empty(3), np.empty((3, 3))
     step = 1e-6 * np.array((0.3, -0.7, 0.6))
     if project(g + step, friction, lower, upper, FACES, there, piece) == project(
         g, friction, lower, upper, FACES, force, derivative
     ):
-        np.testing.assert_allclose(there - force, derivative @ step, rtol=0, atol=1e-12 + 1e-13 * np.abs(g).max())
+        np.testing.assert_allclose(
+            there - force, derivative @ step, rtol=0, atol=1e-12 + 1e-13 * np.abs(g).max()
+        )
 
 
 def test_a_bad_state_keeps_the_last_answer():
@@ -178,25 +220,38 @@ def test_a_bad_state_keeps_the_last_answer():
     task = next(iter(case.tasks))
     good = task.acceleration.copy()
     task._acceleration_[0] = np.inf
-    assert case.solver.solve(case.draw(rng, size=0.0)).status == WholeBodyStatus.OPTIMAL  # which draws it anew
+    assert (
+        case.solver.solve(case.draw(rng, size=0.0)).status == WholeBodyStatus.OPTIMAL
+    )  # which draws it anew
     task._acceleration_[0] = np.inf
     assert case.solver.solve(state).status == WholeBodyStatus.INVALID
     task.acceleration = good
     assert case.solver.solve(state).status == WholeBodyStatus.OPTIMAL
     with pytest.raises(InputError):
         case.solver.solve(
-            hp.State(0.0, state.q[1:], state.v, state.foot_position, state.foot_velocity, state.foot_force)
+            hp.State(
+                0.0,
+                state.q[1:],
+                state.v,
+                state.foot_position,
+                state.foot_velocity,
+                state.foot_force,
+            )
         )
 
 
 def test_references_are_followed():
-    """Positions, rotations and gains: the desired accelerations are those of the tasks' own rows, in every axes."""
+    """Positions, rotations and gains: the desired accelerations are those of the tasks' own rows,
+    in every axes.
+    """
     case, rng = CASES["legs of seven joints"](), np.random.default_rng(7)
     robot, gains = case.robot, (100.0, 20.0)
     for axes in ("world", "local"):
         place, turn = rng.normal(size=3), pin.exp3(rng.normal(size=3))
         tasks = {
-            hp.FrameTask("foot0_0", part="both", axes=axes, position=place, rotation=turn, gains=gains): 1.0,
+            hp.FrameTask(
+                "foot0_0", part="both", axes=axes, position=place, rotation=turn, gains=gains
+            ): 1.0,
             hp.FrameTask("root", part="orientation", axes=axes, rotation=turn, gains=gains): 1.0,
             hp.CentreOfMassTask(position=place, gains=gains): 1.0,
             hp.JointTask(robot.joints[3], position=0.5, gains=gains): 1.0,

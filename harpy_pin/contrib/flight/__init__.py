@@ -1,4 +1,5 @@
-"""Flight: jumping, hovering, and flying from place to place, for robots with feet and thrusters or rotors.
+"""Flight: jumping, hovering, and flying from place to place, for robots with feet and thrusters or
+rotors.
 
 Importing it makes ``gait="flying"`` known to scenarios.
 """

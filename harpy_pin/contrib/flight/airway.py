@@ -2,16 +2,18 @@
 
 A way is a function of the time: polynomials, and a jump that is braked by thrust.
 
-Thrusters do not push the body every way: Harpy's two have no moment about the line between them, and parallel rotors no
-force across their axes. What they lack, legs and leaning have to do. So the gains are those of the linear-quadratic
-regulator of the whole robot as it hovers: body and joints are its states, thrusts and torques its inputs.
+Thrusters do not push the body every way: Harpy's two have no moment about the line between them,
+and parallel rotors no force across their axes. What they lack, legs and leaning have to do. So the
+gains are those of the linear-quadratic regulator of the whole robot as it hovers: body and joints
+are its states, thrusts and torques its inputs.
 
-Its feedback asks for generalised accelerations a at the measured state. What no thrust can give of the wrench on the
-body that a needs,
+Its feedback asks for generalised accelerations a at the measured state. What no thrust can give of
+the wrench on the body that a needs,
 
     F = M a + n,    F_body ← F_body − Z Zᵀ F_body,    Z: the wrenches that no thrust has,
 
-is taken out before it is asked for: the program of a whole-body controller finds exactly these accelerations.
+is taken out before it is asked for: the program of a whole-body controller finds exactly these
+accelerations.
 """
 
 from __future__ import annotations
@@ -35,7 +37,8 @@ SWIFT = 10.0 / sqrt(3.0)
 
 
 class Quintic:
-    """A polynomial of fifth order through two states, each (3, n): position, velocity and acceleration.
+    """A polynomial of fifth order through two states, each (3, n): position, velocity and
+    acceleration.
 
     Before and after its ``duration``, s, the way stands still.
     """
@@ -43,14 +46,18 @@ class Quintic:
     def __init__(self, start: Vector, end: Vector, duration: float) -> None:
         self.duration = duration
         rows = [
-            [perm(n, d) * t ** (n - d) if n >= d else 0.0 for n in range(6)] for t in (0.0, duration) for d in range(3)
+            [perm(n, d) * t ** (n - d) if n >= d else 0.0 for n in range(6)]
+            for t in (0.0, duration)
+            for d in range(3)
         ]
         self._way = np.linalg.solve(np.array(rows), np.vstack((start, end)))
 
     def at(self, t: float) -> Vector:
         """(3, n) position, velocity and acceleration at a time since its begin, s."""
         s = min(max(t, 0.0), self.duration)
-        found = np.array([sum(perm(n, d) * s ** (n - d) * self._way[n] for n in range(d, 6)) for d in range(3)])
+        found = np.array(
+            [sum(perm(n, d) * s ** (n - d) * self._way[n] for n in range(d, 6)) for d in range(3)]
+        )
         if t > self.duration:
             found[0] += (t - self.duration) * found[1]
             found[2] = 0.0
@@ -64,10 +71,12 @@ def rest(place: Vector) -> Vector:
 
 @dataclass(frozen=True)
 class Fall:
-    """Height of a body that is thrown up, falls freely, is braked, and then sinks at a constant speed.
+    """Height of a body that is thrown up, falls freely, is braked, and then sinks at a constant
+    speed.
 
-    Thrust is switched on and off, and follows by its lag T. So the true velocity is v − T (a + g) and the true height
-    z − T (v_true − v₀ + g t), with v and z those without lag and a the true acceleration.
+    Thrust is switched on and off, and follows by its lag T. So the true velocity is v − T (a + g)
+    and the true height z − T (v_true − v₀ + g t), with v and z those without lag and a the true
+    acceleration.
     """
 
     height: float  # where it begins, m
@@ -80,17 +89,27 @@ class Fall:
 
     @property
     def free(self) -> float:
-        """Duration of the free flight, s: its end has just the speed that the brake takes away until touchdown."""
+        """Duration of the free flight, s: its end has just the speed that the brake takes away
+        until touchdown.
+        """
         g, b, v, lag = self.gravity, self.brake, self.speed, self.lag
         end = self.touchdown - lag * g  # speed without lag
-        rest = v * v - end**2 - 2.0 * b * (self.height - self.ground) - 2.0 * lag * (b * self.touchdown + g * end)
+        rest = (
+            v * v
+            - end**2
+            - 2.0 * b * (self.height - self.ground)
+            - 2.0 * lag * (b * self.touchdown + g * end)
+        )
         # g (g + b) (t + T)² − 2 v (g + b) (t + T) + rest = g (g + b) T², the later one
         return v / g - lag + sqrt(max((v / g) ** 2 + lag * lag - rest / (g * (g + b)), 0.0))
 
     @property
     def braked(self) -> float:
         """Duration of the braking, s."""
-        return max(self.gravity * (self.free + self.lag) - self.speed - self.touchdown, 0.0) / self.brake
+        return (
+            max(self.gravity * (self.free + self.lag) - self.speed - self.touchdown, 0.0)
+            / self.brake
+        )
 
     def at(self, t: float) -> tuple[float, float, float]:
         """Height, velocity and acceleration at a time since its begin, s."""
@@ -99,7 +118,11 @@ class Fall:
         z, v, a = self.height + (self.speed - 0.5 * g * free) * free, self.speed - g * free, -g
         if t > self.free:
             s = min(t - self.free, self.braked)
-            z, v, a = z + (v + 0.5 * self.brake * s) * s, v + self.brake * s, self._follow(a, self.brake, s)
+            z, v, a = (
+                z + (v + 0.5 * self.brake * s) * s,
+                v + self.brake * s,
+                self._follow(a, self.brake, s),
+            )
         late = t - self.free - self.braked
         if late > 0.0:
             z, a = z + late * v, self._follow(a, 0.0, late)
@@ -121,16 +144,19 @@ STEP = 1e-5  # size of the differences by which the equations of motion become l
 NONE = 1e-6
 """Singular value, as a share of the largest, below which there is no thrust in a direction."""
 LIGHTEST = 5e-4
-"""Least inertia of a joint that the feedback reckons with, kg·m² per N·m of its motor: lighter ones would be moved
-faster than a controller ticks."""
+"""Least inertia of a joint that the feedback reckons with, kg·m² per N·m of its motor: lighter ones
+would be moved faster than a controller ticks.
+"""
 HELD = 0.02  # largest part of the weight that thrusts and torques may leave in hovering
 
 
 class Balance:
-    """Feedback of a robot with thrusters or rotors that hovers in a configuration q, (nq,); an error where it cannot.
+    """Feedback of a robot with thrusters or rotors that hovers in a configuration q, (nq,); an
+    error where it cannot.
 
-    The thrusters carry ``weight`` times the robot's weight there. The ``gain``, (nv, 2 nv), is acceleration per error
-    of configuration and velocity. The ``dynamics`` have the terms at the state of the last :meth:`reachable`.
+    The thrusters carry ``weight`` times the robot's weight there. The ``gain``, (nv, 2 nv), is
+    acceleration per error of configuration and velocity. The ``dynamics`` have the terms at the
+    state of the last :meth:`reachable`.
     """
 
     def __init__(self, robot: Robot, q: Vector, *, weight: float = 1.0) -> None:
@@ -144,14 +170,18 @@ class Balance:
         mass += np.diag(light)
         held, *_ = np.linalg.lstsq(drive, model.bias, rcond=NONE)
         if np.linalg.norm(drive @ held - model.bias) > HELD * robot.mass * GRAVITY:
-            raise InputError(f"'{robot.name}' cannot hover in this posture", name="robot", value=robot)
+            raise InputError(
+                f"'{robot.name}' cannot hover in this posture", name="robot", value=robot
+            )
         slope = np.zeros((nv, nv))
         for k in range(nv):
             for sign in (1.0, -1.0):
                 change = np.zeros(nv)
                 change[k] = sign * STEP
                 model.update(pin.integrate(robot.model, q, change), rest)
-                given = np.linalg.solve(model.mass_matrix + np.diag(light), _inputs(model) @ held - model.bias)
+                given = np.linalg.solve(
+                    model.mass_matrix + np.diag(light), _inputs(model) @ held - model.bias
+                )
                 slope[:, k] += sign * given / (2.0 * STEP)
         state = np.zeros((2 * nv, 2 * nv))
         state[:nv, nv:], state[nv:, :nv] = np.eye(nv), slope
@@ -159,7 +189,9 @@ class Balance:
         acts = np.vstack((np.zeros((nv, drive.shape[1])), np.linalg.solve(mass, drive)))
         errors = np.repeat((PLACE, TURN, JOINT, SPEED, SPIN, RATE), (3, 3, joints, 3, 3, joints))
         share = robot.mass * GRAVITY / len(robot.thrusters)
-        inputs = np.concatenate((np.full(robot.n_thrust, THRUST * share), TORQUE * robot.torque_limit))
+        inputs = np.concatenate(
+            (np.full(robot.n_thrust, THRUST * share), TORQUE * robot.torque_limit)
+        )
         cost = solve_continuous_are(state, acts, np.diag(errors**-2.0), np.diag(inputs**-2.0))
         self.gain: Vector = -acts[nv:] @ np.diag(inputs**2.0) @ acts.T @ cost
 
@@ -207,12 +239,20 @@ class Airway:
     sinks: float  # time from which on a foot that is loaded has landed, s
 
     def body(self, t: float) -> Vector:
-        """(3, 3) place, velocity and acceleration of the body's origin at a time since lift-off, s."""
-        height = np.array(self.height.at(t)) if isinstance(self.height, Fall) else along(self.height, t)[:, 0]
+        """(3, 3) place, velocity and acceleration of the body's origin at a time since lift-off,
+        s.
+        """
+        height = (
+            np.array(self.height.at(t))
+            if isinstance(self.height, Fall)
+            else along(self.height, t)[:, 0]
+        )
         return np.column_stack((along(self.over, t), height))
 
     def acceleration(self, t: float, q: Vector, v: Vector, balance: Balance) -> Vector:
-        """(nv,) acceleration that leads from the measured q and v to the way, at a time since lift-off, s."""
+        """(nv,) acceleration that leads from the measured q and v to the way, at a time since
+        lift-off, s.
+        """
         body, legs = self.body(t), self.legs.at(t)
         goal = np.concatenate((body[0], (0.0, 0.0, 0.0, 1.0), legs[0]))
         away = pin.difference(balance.robot.model, goal, q)
@@ -233,13 +273,16 @@ def along(ways: tuple[Quintic, ...], t: float) -> Vector:
 
 
 ORIENTATION = (400.0, 40.0)
-"""Gains of the body's orientation of the controllers, 1/s² and 1/s: its target leans so that they ask for what it
-should do."""
+"""Gains of the body's orientation of the controllers, 1/s² and 1/s: its target leans so that they
+ask for what it should do.
+"""
 MOST_LEAN = 0.5  # largest angle between the body and its target, rad
 
 
 def ask_for(o: GaitTarget, d: Dynamics, q: Vector, v: Vector, a: Vector) -> None:
-    """Write the targets ``o``: places and velocities of the measured q and v, with their terms d; accelerations a."""
+    """Write the targets ``o``: places and velocities of the measured q and v, with their terms d;
+    accelerations a.
+    """
     turn = d.rotation
     o.body[:3], o.body[3:6] = q[:3], turn @ v[:3]
     o.body[6:9] = turn @ (a[:3] + np.cross(v[3:6], v[:3]))

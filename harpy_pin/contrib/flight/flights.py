@@ -1,9 +1,10 @@
-"""What is flown, and how: jumps by legs and thrust, which crouch, push and land, and flights by thrust alone.
+"""What is flown, and how: jumps by legs and thrust, which crouch, push and land, and flights by
+thrust alone.
 
-Legs swing when the feet leave the ground. Thrusters that stop their swing push the body aside, so the push gives the
-body a velocity that takes most of it back. What is left over is found by a preview: the equations of motion under the
-flight's own feedback, from the release until the feet are at the ground. The jump aims so that these land where they
-should.
+Legs swing when the feet leave the ground. Thrusters that stop their swing push the body aside, so
+the push gives the body a velocity that takes most of it back. What is left over is found by a
+preview: the equations of motion under the flight's own feedback, from the release until the feet
+are at the ground. The jump aims so that these land where they should.
 """
 
 from __future__ import annotations
@@ -24,14 +25,17 @@ from harpy_pin.model.state import Vector
 from harpy_pin.scenario.parts import Part, read_part
 
 CROUCH, RELEASE = 0.22, 0.14
-"""How much lower than in standing the body is before the push, and how much higher at its end, in heights of the
-body."""
+"""How much lower than in standing the body is before the push, and how much higher at its end, in
+heights of the body.
+"""
 PUSH = 0.9  # duration of a push without lag, in √(height / g)
 RECOIL = 0.7
 """Share of what the legs' swing will take from the velocity that the push gives in advance."""
 TICK, LONGEST = 2e-3, 30.0  # period and longest duration of the preview, s
 TRIES, CLOSE, SLOPE = 8, 5e-3, 1.5
-"""The search for the aim: how often, how near the feet must land, m, and how far they go per metre of aim."""
+"""The search for the aim: how often, how near the feet must land, m, and how far they go per metre
+of aim.
+"""
 HIGHEST, FARTHEST = 100.0, 1e4  # largest height and distance of a flight, m
 MAX_FLIGHTS = 100  # of one gait. A jump takes some tenths of a second to plan.
 
@@ -40,9 +44,9 @@ MAX_FLIGHTS = 100  # of one gait. A jump takes some tenths of a second to plan.
 class Flight(Part):
     """What every flight has; an :class:`InputError` refuses a value out of its domain.
 
-    By its ``height``, m, the body of a jump rises after the feet have left the ground; the feet of a flight are by so
-    much above the higher of the two places. From where they leave the ground to where they touch it, the way is
-    ``forward`` and ``left``, m.
+    By its ``height``, m, the body of a jump rises after the feet have left the ground; the feet of
+    a flight are by so much above the higher of the two places. From where they leave the ground to
+    where they touch it, the way is ``forward`` and ``left``, m.
     """
 
     height: float = 0.3
@@ -52,12 +56,16 @@ class Flight(Part):
     def __post_init__(self) -> None:
         checks.keep(self, height=checks.number("height", self.height, low=0.02, high=HIGHEST))
         for name in ("forward", "left"):
-            checks.keep(self, **{name: checks.number(name, getattr(self, name), low=-FARTHEST, high=FARTHEST)})
+            checks.keep(
+                self,
+                **{name: checks.number(name, getattr(self, name), low=-FARTHEST, high=FARTHEST)},
+            )
 
 
 @dataclass(frozen=True, kw_only=True)
 class Jump(Flight):
-    """Legs throw the body up, thrusters carry a part of its weight, brake its fall, and keep it upright.
+    """Legs throw the body up, thrusters carry a part of its weight, brake its fall, and keep it
+    upright.
 
     Attributes:
         carried: share of the weight that thrusters carry until they brake, 0.2 to 0.9.
@@ -68,7 +76,10 @@ class Jump(Flight):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        checks.keep(self, carried=checks.number("carried share of the weight", self.carried, low=0.2, high=0.9))
+        checks.keep(
+            self,
+            carried=checks.number("carried share of the weight", self.carried, low=0.2, high=0.9),
+        )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -86,12 +97,19 @@ class Fly(Flight):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        acceleration = checks.number("acceleration", self.acceleration, low=0.0, high=5.0, strict=True)
-        checks.keep(self, hover=checks.number("hover", self.hover, low=0.0, high=1e6), acceleration=acceleration)
+        acceleration = checks.number(
+            "acceleration", self.acceleration, low=0.0, high=5.0, strict=True
+        )
+        checks.keep(
+            self,
+            hover=checks.number("hover", self.hover, low=0.0, high=1e6),
+            acceleration=acceleration,
+        )
 
 
 def read_flights(given: Any) -> tuple[Jump | Fly, ...]:
-    """One or several flights from themselves, their names, or mappings as :meth:`Part.to_dict` makes them.
+    """One or several flights from themselves, their names, or mappings as :meth:`Part.to_dict`
+    makes them.
 
     Something else, none, or more than :data:`MAX_FLIGHTS` are an :class:`InputError`.
     """
@@ -100,7 +118,9 @@ def read_flights(given: Any) -> tuple[Jump | Fly, ...]:
     flights = tuple(read_part(kinds, "flight", one) for one in several)
     if not 0 < len(flights) <= MAX_FLIGHTS:
         raise InputError(
-            f"flights must be at least one Jump or Fly, and at most {MAX_FLIGHTS}", name="flights", value=given
+            f"flights must be at least one Jump or Fly, and at most {MAX_FLIGHTS}",
+            name="flights",
+            value=given,
         )
     return flights
 
@@ -119,8 +139,13 @@ def plan_jump(flyer: Flyer, jump: Jump) -> PlannedJump:
     """The jump of which the feet land where they should; an :class:`InputError` where none does."""
     least = ABOVE - float(flyer.feet[2]) - _release(flyer)
     if jump.height < least:
-        message = f"height of a jump of '{flyer.robot.name}' must be at least {least:.2g} m, got {jump.height:g} m"
-        raise InputError(f"{message}: its legs become longer before they land", name="height", value=jump.height)
+        message = (
+            f"height of a jump of '{flyer.robot.name}' must be at least {least:.2g} m, got "
+            f"{jump.height:g} m"
+        )
+        raise InputError(
+            f"{message}: its legs become longer before they land", name="height", value=jump.height
+        )
     goal = np.array((jump.forward, jump.left))
     aim, slope = goal.copy(), np.full(2, SLOPE)
     last = before = None
@@ -140,8 +165,13 @@ def plan_jump(flyer: Flyer, jump: Jump) -> PlannedJump:
             slope[far] = np.clip((place - before)[far] / moved[far], 0.5, 3.0)
         last, before = aim, place
         aim = aim + (goal - place) / slope
-    what = f"{jump.forward:g} m forward and {jump.left:g} m to the left at a height of {jump.height:g} m"
-    raise InputError(f"a jump of {what} is too far: no push brings the feet there", name="flights", value=jump)
+    what = (
+        f"{jump.forward:g} m forward and {jump.left:g} m to the left at a height of "
+        f"{jump.height:g} m"
+    )
+    raise InputError(
+        f"a jump of {what} is too far: no push brings the feet there", name="flights", value=jump
+    )
 
 
 def _aimed(flyer: Flyer, jump: Jump, aim: Vector) -> PlannedJump:
@@ -169,13 +199,17 @@ def _leaving(flyer: Flyer, across: Vector, speed: float) -> tuple[Vector, Vector
     """Configuration and velocity at the release, with the feet about the origin."""
     body = -flyer.over + 0.5 * _push(flyer) * across
     body[2] = _release(flyer)
-    q, v = flyer.postures.on_feet(flyer.postures.feet - flyer.stand - body, np.append(across[:2], speed))
+    q, v = flyer.postures.on_feet(
+        flyer.postures.feet - flyer.stand - body, np.append(across[:2], speed)
+    )
     q[:3] = body
     return q, v
 
 
 def _landing(flyer: Flyer, plan: PlannedJump) -> Vector:
-    """(2,) where the middle of the feet comes to the ground, from where it left it; not finite where it does not."""
+    """(2,) where the middle of the feet comes to the ground, from where it left it; not finite
+    where it does not.
+    """
     q, v = _leaving(flyer, plan.across, plan.speed)
     body, joints = np.vstack((q[:3], v[:3])), np.vstack((q[7:], v[6:]))
     airway = fly_jump(flyer, plan, body, joints, np.zeros(3), 0.0)
@@ -190,8 +224,12 @@ def _landing(flyer: Flyer, plan: PlannedJump) -> Vector:
     return np.full(2, np.nan)
 
 
-def crouch_and_push(flyer: Flyer, plan: PlannedJump, feet: Vector) -> tuple[Quintic, Quintic | None]:
-    """From standing with the middle of the feet at a place (3,), m, into the crouch; then the push to the release."""
+def crouch_and_push(
+    flyer: Flyer, plan: PlannedJump, feet: Vector
+) -> tuple[Quintic, Quintic | None]:
+    """From standing with the middle of the feet at a place (3,), m, into the crouch; then the push
+    to the release.
+    """
     duration = _push(flyer)
     above = feet - flyer.over
     low = above - 0.5 * duration * plan.across
@@ -204,16 +242,23 @@ def crouch_and_push(flyer: Flyer, plan: PlannedJump, feet: Vector) -> tuple[Quin
     return bend, Quintic(rest(low), release, duration)
 
 
-def fly_jump(flyer: Flyer, plan: PlannedJump, body: Vector, joints: Vector, feet: Vector, ground: float) -> Airway:
+def fly_jump(
+    flyer: Flyer, plan: PlannedJump, body: Vector, joints: Vector, feet: Vector, ground: float
+) -> Airway:
     """From the release to touchdown.
 
-    The body (2, 3) and the joints (2, n) have their places and velocities of the release. The middle of the feet (3,)
-    was on the ground before, and ``ground`` is the height where they land, m.
+    The body (2, 3) and the joints (2, n) have their places and velocities of the release. The
+    middle of the feet (3,) was on the ground before, and ``ground`` is the height where they land,
+    m.
     """
     fall = _fall(flyer, plan.jump, float(body[0, 2]), float(body[1, 2]), ground)
     end = (feet - flyer.feet)[:2] + plan.aim
     over = Quintic(np.vstack((body[:, :2], np.zeros(2))), rest(end), fall.free + fall.braked)
-    loads = ((fall.free, plan.jump.carried), (fall.free + fall.braked, 1.0 + flyer.brake / GRAVITY), (inf, 1.0))
+    loads = (
+        (fall.free, plan.jump.carried),
+        (fall.free + fall.braked, 1.0 + flyer.brake / GRAVITY),
+        (inf, 1.0),
+    )
     gains = tuple((until, flyer.gain(weight)) for until, weight in loads)
     return Airway((over,), fall, flyer.legs(joints, min(LEGS, fall.free)), gains, fall.free)
 
@@ -221,31 +266,43 @@ def fly_jump(flyer: Flyer, plan: PlannedJump, body: Vector, joints: Vector, feet
 def _fall(flyer: Flyer, jump: Jump, height: float, speed: float, ground: float) -> Fall:
     """The body's height after the release."""
     end = ground + ABOVE - float(flyer.feet[2])
-    return Fall(height, speed, end, TOUCHDOWN, flyer.brake, (1.0 - jump.carried) * GRAVITY, flyer.lag)
+    return Fall(
+        height, speed, end, TOUCHDOWN, flyer.brake, (1.0 - jump.carried) * GRAVITY, flyer.lag
+    )
 
 
 SHORTEST = 0.4  # shortest duration of a way, s
 
 
 def stretch(flyer: Flyer, feet: Vector) -> tuple[Quintic, Quintic | None]:
-    """Legs become as long as in the air; the centre of mass comes where thrusters can carry it. There is no push."""
-    return Quintic(rest(feet - flyer.stand), rest(feet - flyer.feet), 2.0 * BEND * flyer.scale), None
+    """Legs become as long as in the air; the centre of mass comes where thrusters can carry it.
+    There is no push.
+    """
+    return Quintic(
+        rest(feet - flyer.stand), rest(feet - flyer.feet), 2.0 * BEND * flyer.scale
+    ), None
 
 
 def lift(flyer: Flyer, flight: Fly, joints: Vector, feet: Vector, ground: float) -> Airway:
-    """From lift-off, with angles and rates of the joints (2, n), to touchdown; see :func:`fly_jump`."""
+    """From lift-off, with angles and rates of the joints (2, n), to touchdown; see
+    :func:`fly_jump`.
+    """
     begin = feet - flyer.feet
     top = max(float(feet[2]), ground) + flight.height - float(flyer.feet[2])
     end = np.array((ground + ABOVE - float(flyer.feet[2]),))
     above, slow = np.array((top,)), np.array(((0.0,), (-TOUCHDOWN,), (0.0,)))
-    over = _swift(begin[:2], begin[:2] + np.array((flight.forward, flight.left)), flight.acceleration)
+    over = _swift(
+        begin[:2], begin[:2] + np.array((flight.forward, flight.left)), flight.acceleration
+    )
     up = _swift(begin[2:], above, flyer.brake)
     slow[0] = end
     down = Quintic(rest(above), slow, _swift(above, end, 0.5 * flyer.brake).duration)
     heights = (up, _stay(above, over.duration + flight.hover), down)
     legs = flyer.legs(joints, LEGS)
     sinks = up.duration + heights[1].duration + 0.5 * down.duration
-    return Airway((_stay(begin[:2], up.duration), over), heights, legs, ((inf, flyer.gain(1.0)),), sinks)
+    return Airway(
+        (_stay(begin[:2], up.duration), over), heights, legs, ((inf, flyer.gain(1.0)),), sinks
+    )
 
 
 def _stay(place: Vector, duration: float) -> Quintic:

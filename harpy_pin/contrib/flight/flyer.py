@@ -1,5 +1,6 @@
-"""What every flight of a robot has in common: its postures, the feedback in the air, and what its thrusters have to
-spare."""
+"""What every flight of a robot has in common: its postures, the feedback in the air, and what its
+thrusters have to spare.
+"""
 
 from __future__ import annotations
 
@@ -18,41 +19,58 @@ from harpy_pin.model.state import Vector
 REACH = 0.25  # how much longer than in standing the legs are in the air, in heights of the body
 LEGS = 0.3  # time after lift-off from which on legs are so, s
 SPARE, LEAST_SPARE = 0.5, 1.0
-"""Share that rising and braking use of what thrusters can do beyond the weight, and the least that there must be,
-m/s²."""
+"""Share that rising and braking use of what thrusters can do beyond the weight, and the least that
+there must be, m/s².
+"""
 MOST_BRAKE = 8.0  # largest acceleration with which flights rise and are braked, m/s²
 SIDE = 0.82
 """Share of a free thruster's limit that whole-body controllers use upwards (``lateral_thrust``)."""
 TOUCHDOWN, ABOVE = 0.1, 0.03
 """Speed at which feet meet the ground, m/s, and height above it from which on they have it, m."""
 LED = 0.35
-"""Share of the thrusts' lag with which they follow the plan, where their commands lead as far as limits allow."""
+"""Share of the thrusts' lag with which they follow the plan, where their commands lead as far as
+limits allow.
+"""
 BEND = 2.5  # duration of a crouch, in √(height / g)
 
 
 class Flyer:
-    """A robot with feet, and thrusters or rotors, that flies, and stands in ``q``, (nq,), upright and facing x.
+    """A robot with feet, and thrusters or rotors, that flies, and stands in ``q``, (nq,), upright
+    and facing x.
 
     Raises:
-        InputError: thrusters do not carry the robot, or its legs do not reach as far as flights need.
+        InputError: thrusters do not carry the robot, or its legs do not reach as far as flights
+            need.
     """
 
     def __init__(self, robot: Robot, q: Vector) -> None:
         self.robot, self.height = robot, float(q[2])
         spare = thrust_upwards(robot) / robot.mass - GRAVITY
         if spare < LEAST_SPARE:
-            message = f"thrusters of '{robot.name}' must carry it with {LEAST_SPARE:g} m/s² to spare, have {spare:.2g}"
+            message = (
+                f"thrusters of '{robot.name}' must carry it with {LEAST_SPARE:g} m/s² to "
+                f"spare, have {spare:.2g}"
+            )
             raise InputError(message, name="robot", value=robot)
-        self.brake, self.scale = min(SPARE * spare, MOST_BRAKE), sqrt(self.height / GRAVITY)  # m/s² upwards; s
+        self.brake, self.scale = (
+            min(SPARE * spare, MOST_BRAKE),
+            sqrt(self.height / GRAVITY),
+        )  # m/s² upwards; s
         self.postures = AirPostures(robot, q)
         self.air = self.postures.find(REACH * self.height)  # (nq,) in which it lands
-        self.feet: Vector = self.postures.places(self.air).mean(axis=0)  # their middle then, about the body, m
+        self.feet: Vector = self.postures.places(self.air).mean(
+            axis=0
+        )  # their middle then, about the body, m
         self.stand: Vector = self.postures.feet.mean(axis=0)  # the same in standing
         centre = pin.centerOfMass(robot.model, robot.model.createData(), q) - q[:3]
-        self.over: Vector = np.array((centre[0], centre[1], self.stand[2]))  # the point below the centre of mass
+        self.over: Vector = np.array(
+            (centre[0], centre[1], self.stand[2])
+        )  # the point below the centre of mass
         self.balance = Balance(robot, self.air)
         self._gains = {1.0: self.balance.gain}
-        self.lag = 0.0  # with which thrusts follow the jumps' plan, s, where a controller knows of one
+        self.lag = (
+            0.0  # with which thrusts follow the jumps' plan, s, where a controller knows of one
+        )
 
     def gain(self, weight: float) -> Vector:
         """Feedback where thrusters carry the robot's weight times a factor."""
@@ -61,7 +79,9 @@ class Flyer:
         return self._gains[weight]
 
     def legs(self, joints: Vector, duration: float) -> Quintic:
-        """Angles of the joints, from present ones (2, n) with their rates to those of landing, in so many seconds."""
+        """Angles of the joints, from present ones (2, n) with their rates to those of landing, in
+        so many seconds.
+        """
         rest = np.zeros((2, joints.shape[1]))
         return Quintic(np.vstack((joints, rest[:1])), np.vstack((self.air[7:], rest)), duration)
 
@@ -80,7 +100,9 @@ MOST_ERROR = 1e-3  # largest error of a posture, m
 
 
 class AirPostures:
-    """Joint angles of a robot in the air, of one with feet that stands upright in ``q``, (nq,), facing x."""
+    """Joint angles of a robot in the air, of one with feet that stands upright in ``q``, (nq,),
+    facing x.
+    """
 
     def __init__(self, robot: Robot, q: Vector) -> None:
         self.robot, self._q = robot, q.copy()
@@ -103,8 +125,8 @@ class AirPostures:
     def find(self, depth: float) -> Vector:
         """(nq,) configuration in which the robot can hover, its feet to the sides as in standing.
 
-        They are further below the body than in standing, by ``depth``, m: an :class:`InputError` where the legs are
-        short.
+        They are further below the body than in standing, by ``depth``, m: an :class:`InputError`
+        where the legs are short.
         """
         q, joints = self._q.copy(), len(self.robot.joints)
         for _ in range(STEPS):
@@ -122,16 +144,18 @@ class AirPostures:
         beyond = (lower < upper) & ((q[7:] < lower - CLOSE) | (q[7:] > upper + CLOSE))
         if np.abs(self._error(q, depth)).max() > MOST_ERROR or beyond.any():
             message = (
-                f"'{self.robot.name}' cannot hover with its feet {depth:.3g} m further below the body than standing"
+                f"'{self.robot.name}' cannot hover with its feet {depth:.3g} m further below "
+                f"the body than standing"
             )
             raise InputError(message, name="robot", value=self.robot)
         return q
 
     def on_feet(self, feet: Vector, velocity: Vector) -> tuple[Vector, Vector]:
-        """Configuration and velocity of an upright robot whose body moves with a velocity (3,), m/s.
+        """Configuration and velocity of an upright robot whose body moves with a velocity (3,),
+        m/s.
 
-        Its feet rest on the ground, at places (feet, 3) about the body's origin, m: an :class:`InputError` if out of
-        reach.
+        Its feet rest on the ground, at places (feet, 3) about the body's origin, m: an
+        :class:`InputError` if out of reach.
         """
         d, nv = self._dynamics, self.robot.model.nv
         q, v = self._q.copy(), np.concatenate((velocity, np.zeros(nv - 3)))
@@ -140,13 +164,20 @@ class AirPostures:
             step = np.linalg.lstsq(d.foot_jacobian[:, 6:], away, rcond=1e-6)[0]
             q[7:] += np.clip(step, -FURTHEST, FURTHEST)
         if np.abs(feet - self.places(q)).max() > MOST_ERROR:
-            message = f"the legs of '{self.robot.name}' do not reach the ground where this jump lets go of it"
+            message = (
+                f"the legs of '{self.robot.name}' do not reach the ground where this jump "
+                f"lets go of it"
+            )
             raise InputError(message, name="flights", value=self.robot)
-        v[6:] = np.linalg.lstsq(d.foot_jacobian[:, 6:], -d.foot_jacobian[:, :3] @ velocity, rcond=1e-6)[0]
+        v[6:] = np.linalg.lstsq(
+            d.foot_jacobian[:, 6:], -d.foot_jacobian[:, :3] @ velocity, rcond=1e-6
+        )[0]
         return q, v
 
     def recoil(self, q: Vector, v: Vector) -> Vector:
-        """(3,) What the body's velocity changes by while thrusts stop legs that swing, m/s; q is upright."""
+        """(3,) What the body's velocity changes by while thrusts stop legs that swing, m/s; q is
+        upright.
+        """
         model, data = self.robot.model, self.robot.model.createData()
         self._dynamics.update(q, v)
         axes = lacking_moments(self._dynamics)[3:]
@@ -159,4 +190,6 @@ class AirPostures:
     def _error(self, q: Vector, depth: float) -> Vector:
         """Errors of the feet to the sides and in height, and of the moments, m."""
         moments, feet = self._lacking(q), self._dynamics.foot_position
-        return np.concatenate((feet[:, 1] - self.feet[:, 1], feet[:, 2] - self.feet[:, 2] + depth, moments))
+        return np.concatenate(
+            (feet[:, 1] - self.feet[:, 1], feet[:, 2] - self.feet[:, 2] + depth, moments)
+        )

@@ -1,9 +1,10 @@
-"""One scheduler between a gait and flight: stand, push off, fly, touch down as it is felt, stand, go on.
+"""One scheduler between a gait and flight: stand, push off, fly, touch down as it is felt, stand,
+go on.
 
-On the ground body and feet follow ways of their own, and the load comes on the feet and goes off them gradually. In the
-air the body's target is the measured one, and its acceleration, the target's leaning and the feet's accelerations are
-those of :mod:`harpy_pin.contrib.flight.airway`: whole-body controllers find exactly these. A foot has landed when its
-measured force says so.
+On the ground body and feet follow ways of their own, and the load comes on the feet and goes off
+them gradually. In the air the body's target is the measured one, and its acceleration, the target's
+leaning and the feet's accelerations are those of :mod:`harpy_pin.contrib.flight.airway`: whole-body
+controllers find exactly these. A foot has landed when its measured force says so.
 """
 
 from __future__ import annotations
@@ -49,25 +50,31 @@ MOST_FORCE = 10.0  # largest normal force of all feet, in weights of the robot
 SHARE, LANDING_SHARE = 0.4, 0.14
 """Shares of that force which a foot may take in standing and in landing."""
 LOADING, UNLOADING, LET_GO = 0.15, 0.3, 0.25
-"""Times in which the load comes on the feet and goes off them, s; and the part of a push in which it does."""
+"""Times in which the load comes on the feet and goes off them, s; and the part of a push in which
+it does.
+"""
 LANDING = 1.2  # time from touchdown to standing, s
 
 
 class FlyingGait(KeepsViews):
     """Targets of a robot that stands, jumps or flies, lands, and then goes on by another gait.
 
-    It needs the measured state: controllers of this library call :meth:`observe` before each :meth:`update`. It is for
-    whole-body controllers, with the gains of the orientation that they have by default. It faces x.
+    It needs the measured state: controllers of this library call :meth:`observe` before each
+    :meth:`update`. It is for whole-body controllers, with the gains of the orientation that they
+    have by default. It faces x.
 
-    It is a gait with memory, for one controller, in one thread. A time before the last one begins anew.
+    It is a gait with memory, for one controller, in one thread. A time before the last one begins
+    anew.
 
     Args:
-        gait: of a robot with feet, and thrusters or rotors, that begins at rest. Its posture is that of standing; it
-            begins where the last flight has landed.
-        flights: :class:`~harpy_pin.contrib.flight.Jump` and :class:`~harpy_pin.contrib.flight.Fly`, one or a sequence.
+        gait: of a robot with feet, and thrusters or rotors, that begins at rest. Its posture is
+            that of standing; it begins where the last flight has landed.
+        flights: :class:`~harpy_pin.contrib.flight.Jump` and :class:`~harpy_pin.contrib.flight.Fly`,
+            one or a sequence.
         start: for how long it stands before each flight, and before the gait goes on, s.
         terrain: of the ground; flat by default.
-        normal_error: angle by which the normals of the ground that it tells are wrong, about y, rad.
+        normal_error: angle by which the normals of the ground that it tells are wrong, about y,
+            rad.
 
     Attributes:
         flights: as given.
@@ -77,29 +84,43 @@ class FlyingGait(KeepsViews):
         not_governed: why the paper's controller cannot follow it.
 
     Raises:
-        InputError: no flights, a robot that cannot fly, a jump that does not land where it should, or a gait that does
-            not begin at rest.
+        InputError: no flights, a robot that cannot fly, a jump that does not land where it should,
+            or a gait that does not begin at rest.
     """
 
     not_governed = "neither jumps nor flies"
 
     @checked
     def __init__(
-        self, gait: Gait, flights: Any, *, start: float = 0.5, terrain: Terrain | None = None, normal_error: float = 0.0
+        self,
+        gait: Gait,
+        flights: Any,
+        *,
+        start: float = 0.5,
+        terrain: Terrain | None = None,
+        normal_error: float = 0.0,
     ) -> None:
         self.flights = read_flights(flights)
         self.robot, self.terrain = gait.robot, terrain
         if not self.robot.feet or not self.robot.thrusters:
-            message = f"flights need feet, and thrusters or rotors: '{self.robot.name}' has not both"
+            message = (
+                f"flights need feet, and thrusters or rotors: '{self.robot.name}' has not both"
+            )
             raise InputError(message, name="robot", value=self.robot)
         self.gait = own_target(gait)
         self.start = checks.number("start", start, low=0.0, high=1e6)
         self.step_duration, self.double_support = self.gait.step_duration, self.gait.double_support
         self._landed = LandedGait(self.gait)
-        self._after = self._landed if terrain is None else OnTerrain(self._landed, terrain, normal_error=normal_error)
+        self._after = (
+            self._landed
+            if terrain is None
+            else OnTerrain(self._landed, terrain, normal_error=normal_error)
+        )
         begin = self.gait.update(0.0)
         if np.abs(begin.body[3:6]).max() > 1e-9 or not begin.stance.all():
-            raise InputError("the gait must begin standing, at rest, such as hp.make_commanded_gait", name="gait")
+            raise InputError(
+                "the gait must begin standing, at rest, such as hp.make_commanded_gait", name="gait"
+            )
         self._feet = StandingFeet(self.robot, begin, terrain)
         q, _ = self.gait.initial_state()
         self._flyer = Flyer(self.robot, q)
@@ -112,7 +133,8 @@ class FlyingGait(KeepsViews):
 
     @checked
     def expect_lag(self, lag: float) -> None:
-        """Plan jumps for thrusts that lag: whole-body controllers that know a ``thrust_lag`` call this.
+        """Plan jumps for thrusts that lag: whole-body controllers that know a ``thrust_lag`` call
+        this.
 
         Args:
             lag: time constant of the thrusts, s.
@@ -126,7 +148,10 @@ class FlyingGait(KeepsViews):
 
     def _plan(self) -> None:
         """Find how the jumps land where they should."""
-        plans = {one: one if isinstance(one, Fly) else plan_jump(self._flyer, one) for one in {*self.flights}}
+        plans = {
+            one: one if isinstance(one, Fly) else plan_jump(self._flyer, one)
+            for one in {*self.flights}
+        }
         self._plans = [plans[one] for one in self.flights]
 
     def _begin(self) -> None:
@@ -151,13 +176,21 @@ class FlyingGait(KeepsViews):
             terrain: of the ground.
             normal_error: angle by which its normals are wrong, about y, rad.
         """
-        return FlyingGait(self.gait, self.flights, start=self.start, terrain=terrain, normal_error=normal_error)
+        return FlyingGait(
+            self.gait, self.flights, start=self.start, terrain=terrain, normal_error=normal_error
+        )
 
     @property
     def controller_parameters(self) -> dict[str, Any]:
-        """Settings of whole-body controllers that fit: the gait's, gains of the orientation, and the largest force."""
+        """Settings of whole-body controllers that fit: the gait's, gains of the orientation, and
+        the largest force.
+        """
         most = MOST_FORCE * self.robot.mass * GRAVITY / len(self.robot.feet)
-        return {**getattr(self.gait, "controller_parameters", {}), "orientation": ORIENTATION, "max_normal_force": most}
+        return {
+            **getattr(self.gait, "controller_parameters", {}),
+            "orientation": ORIENTATION,
+            "max_normal_force": most,
+        }
 
     def observe(self, state: State) -> None:
         """What was measured, for the next update; a bad sample is ignored.
@@ -223,7 +256,9 @@ class FlyingGait(KeepsViews):
             else:
                 self._way = self._push
                 self._go("push", t)
-        elif (self.phase == "push" and s >= self._way.duration) or (self.phase == "unload" and s >= UNLOADING):
+        elif (self.phase == "push" and s >= self._way.duration) or (
+            self.phase == "unload" and s >= UNLOADING
+        ):
             self._leave(t)
         elif self.phase == "air" and s > self._airway.sinks and self._feet.touching.any():
             self._touch(t)
@@ -241,7 +276,9 @@ class FlyingGait(KeepsViews):
         self._way = Quintic(rest(place), rest(place), 1.0)
 
     def _motion(self) -> tuple[Vector, Vector]:
-        """Place and velocity of the body's origin, world, (2, 3); angles and rates of the joints, (2, n)."""
+        """Place and velocity of the body's origin, world, (2, 3); angles and rates of the joints,
+        (2, n).
+        """
         turn = pin.Quaternion(self._q[3:7]).matrix()
         return np.vstack((self._q[:3], turn @ self._v[:3])), np.vstack((self._q[7:], self._v[6:]))
 
@@ -304,13 +341,15 @@ class FlyingGait(KeepsViews):
 
 @dataclass(frozen=True, kw_only=True)
 class Flying(GaitPart):
-    """Harpy jumps or flies, lands, and then follows a velocity, see :class:`~harpy_pin.contrib.flight.FlyingGait`.
+    """Harpy jumps or flies, lands, and then follows a velocity, see
+    :class:`~harpy_pin.contrib.flight.FlyingGait`.
 
     Attributes:
-        flights: jumps (:class:`~harpy_pin.contrib.flight.Jump`) and flights (:class:`~harpy_pin.contrib.flight.Fly`),
-            one or several, also as the mappings that files have.
-        velocity: what it does after the last landing, as that of :class:`~harpy_pin.scenario.Commanded`; it stands by
-            default.
+        flights: jumps (:class:`~harpy_pin.contrib.flight.Jump`) and flights
+            (:class:`~harpy_pin.contrib.flight.Fly`), one or several, also as the mappings that
+            files have.
+        velocity: what it does after the last landing, as that of
+            :class:`~harpy_pin.scenario.Commanded`; it stands by default.
         start: for how long it stands before each flight, s.
     """
 
@@ -322,17 +361,26 @@ class Flying(GaitPart):
     start: float = 0.5
 
     def __post_init__(self) -> None:
-        checks.keep(self, flights=read_flights(self.flights), velocity=Commanded(velocity=self.velocity).velocity)
+        checks.keep(
+            self,
+            flights=read_flights(self.flights),
+            velocity=Commanded(velocity=self.velocity).velocity,
+        )
         checks.keep(self, start=checks.number("start", self.start, low=0.0, high=1e6))
 
     def to_dict(self) -> dict[str, Any]:
         """See :class:`~harpy_pin.scenario.parts.Part`."""
-        return {**super().to_dict(), "flights": [flight.to_dict() for flight in read_flights(self.flights)]}
+        return {
+            **super().to_dict(),
+            "flights": [flight.to_dict() for flight in read_flights(self.flights)],
+        }
 
     @checked
     def make(self, robot: Robot, stiffness: float) -> Gait:
         """See :class:`~harpy_pin.scenario.GaitPart`."""
-        return FlyingGait(Commanded(velocity=self.velocity).make(robot, stiffness), self.flights, start=self.start)
+        return FlyingGait(
+            Commanded(velocity=self.velocity).make(robot, stiffness), self.flights, start=self.start
+        )
 
     @checked
     def over(self, gait: Gait, terrain: Terrain, *, normal_error: float, friction: float) -> Gait:

@@ -1,4 +1,6 @@
-"""Feet between two flights: where they stand, what they carry, the ground below them, and their targets."""
+"""Feet between two flights: where they stand, what they carry, the ground below them, and their
+targets.
+"""
 
 from __future__ import annotations
 
@@ -15,23 +17,28 @@ from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import State, Vector
 
 LOADED, MIN_LOADED = 0.1, 3.5
-"""Normal force from which on a foot has landed, as a share of the weight, and least, N: seven times the noise of a
-typical sensor."""
+"""Normal force from which on a foot has landed, as a share of the weight, and least, N: seven times
+the noise of a typical sensor.
+"""
 LEAST_SHARE = 0.05  # share of the largest normal force that a foot may take when it lets go
 
 
 class StandingFeet:
-    """The feet of a robot that stands, lets go of the ground, or lands; without a terrain the ground is flat.
+    """The feet of a robot that stands, lets go of the ground, or lands; without a terrain the
+    ground is flat.
 
-    Their ``middle``, (3,), is about the body's target in standing; ``place``, (feet, 3), as measured; ``home``, (3,),
-    the middle where they have settled, all in m. ``grounded``, (feet,), says whether each has landed.
+    Their ``middle``, (3,), is about the body's target in standing; ``place``, (feet, 3), as
+    measured; ``home``, (3,), the middle where they have settled, all in m. ``grounded``, (feet,),
+    says whether each has landed.
     """
 
     def __init__(self, robot: Robot, begin: GaitTarget, terrain: Terrain | None) -> None:
         self._terrain = terrain
         self._loaded = max(LOADED * robot.mass * GRAVITY, MIN_LOADED)
         self.middle: Vector = begin.foot_position.mean(axis=0)
-        self._deep: Vector = -begin.body[2] - begin.foot_position[:, 2]  # how much deeper than the ground feet aim
+        self._deep: Vector = (
+            -begin.body[2] - begin.foot_position[:, 2]
+        )  # how much deeper than the ground feet aim
 
     def begin(self, place: Vector) -> None:
         """Stand at places (feet, 3), m, without load."""
@@ -59,13 +66,16 @@ class StandingFeet:
         self._at[~self.grounded, 2] -= span * TOUCHDOWN
 
     def highest(self, places: Vector) -> float:
-        """Highest ground below any of the places (n, 2), or where the feet stand on flat ground, m."""
+        """Highest ground below any of the places (n, 2), or where the feet stand on flat ground,
+        m.
+        """
         return float(self.home[2] if self._terrain is None else self._heights(places).max())
 
     def ask_for(self, o: GaitTarget, body: Vector, share: float, double_support: float) -> None:
         """Write the targets ``o``, where a foot may take a share of its largest normal force.
 
-        The body (3, 3) has place, velocity and acceleration; the double support is that of the gait.
+        The body (3, 3) has place, velocity and acceleration; the double support is that of the
+        gait.
         """
         o.body[:] = body.ravel()
         o.heading[:] = 0.0
@@ -77,9 +87,13 @@ class StandingFeet:
         o.foot_acceleration[:] = -body[2]
         o.stance[:] = self.grounded
         loading = max(share, LEAST_SHARE) * double_support / (1.0 + double_support)
-        o.phase[:] = np.where(self.grounded, loading, 0.6)  # a foot that meets the ground is held at once
+        o.phase[:] = np.where(
+            self.grounded, loading, 0.6
+        )  # a foot that meets the ground is held at once
         o.normal[:] = self._normals()
-        o.ground_height[:] = self._at[:, 2] if self._terrain is None else self._heights(self._at[:, :2])
+        o.ground_height[:] = (
+            self._at[:, 2] if self._terrain is None else self._heights(self._at[:, :2])
+        )
 
     def _normals(self) -> Vector:
         """(feet, 3) of the ground below the feet."""

@@ -1,13 +1,16 @@
-"""Many robots, each in a world of its own: actions, physics, observations and rewards in one compiled loop.
+"""Many robots, each in a world of its own: actions, physics, observations and rewards in one
+compiled loop.
 
 **Action** (12,), each entry within ±1:
 
-- 6 offsets of the joints from the standing posture, in units of 0.5 rad, in the order of ``robot.joints``: joint
-  targets, at rest, of the motors' own law (:class:`~harpy_pin.model.state.Command`; 400 N·m/rad, 3 N·m·s/rad).
-- 6 thrusts (two thrusters, each x, y, z in the body's axes), in units of half the robot's weight, within the thrusters'
-  limit.
+- 6 offsets of the joints from the standing posture, in units of 0.5 rad, in the order of
+  ``robot.joints``: joint targets, at rest, of the motors' own law
+  (:class:`~harpy_pin.model.state.Command`; 400 N·m/rad, 3 N·m·s/rad).
+- 6 thrusts (two thrusters, each x, y, z in the body's axes), in units of half the robot's weight,
+  within the thrusters' limit.
 
-With a shield, torques and thrusts pass :class:`harpy_pin.contrib.shield.Shield` at every physics step.
+With a shield, torques and thrusts pass :class:`harpy_pin.contrib.shield.Shield` at every physics
+step.
 
 **Observation** (39,), each entry clipped to ±10:
 
@@ -24,11 +27,13 @@ With a shield, torques and thrusts pass :class:`harpy_pin.contrib.shield.Shield`
 | 26–37 | the last action | |
 | 38 | speed that is asked for | m/s |
 
-**Reward** of a step: exp(−((ẋ − v)² + ẏ²) / (0.25 m/s)²) − 0.1 \\|thrusts\\|² / weight², with v the speed that is asked
-for, ẋ and ẏ the body's velocity at the end of the step in the world, and the thrusts those of the action.
+**Reward** of a step: exp(−((ẋ − v)² + ẏ²) / (0.25 m/s)²) − 0.1 \\|thrusts\\|² / weight², with v the
+speed that is asked for, ẋ and ẏ the body's velocity at the end of the step in the world, and the
+thrusts those of the action.
 
-**End**: *terminated* where the robot falls as it does in a run (body below 60 % of its height at the start, or tilted
-by more than 60°, or speeds beyond reason); *truncated* at the scenario's duration.
+**End**: *terminated* where the robot falls as it does in a run (body below 60 % of its height at
+the start, or tilted by more than 60°, or speeds beyond reason); *truncated* at the scenario's
+duration.
 """
 
 from __future__ import annotations
@@ -92,32 +97,53 @@ class SettingsRecord(LimitsRecord):
 class BatchedEnv(KeepsViews):
     """n copies of a scenario's robot on its ground.
 
-    Of the scenario, robot, mass error, ground, start velocity, pushes, period, step, duration and the speed count; the
-    rest of the gait, and the controller, are the learner's business. With a ``shield``, which knows the ground's
-    friction, commands pass it. At most ``threads`` step at a time, by default one for each core.
+    Of the scenario, robot, mass error, ground, start velocity, pushes, period, step, duration and
+    the speed count; the rest of the gait, and the controller, are the learner's business. With a
+    ``shield``, which knows the ground's friction, commands pass it. At most ``threads`` step at a
+    time, by default one for each core.
 
-    An :class:`InputError` refuses an n that is no positive integer, and a scenario with another engine, sensors, noise,
-    delay or other actuators, which are not here.
+    An :class:`InputError` refuses an n that is no positive integer, and a scenario with another
+    engine, sensors, noise, delay or other actuators, which are not here.
     """
 
     n = property(attrgetter("_n"))
 
     @checked
     def __init__(
-        self, n: int, scenario: Scenario | None = None, *, shield: bool = False, threads: int | None = None
+        self,
+        n: int,
+        scenario: Scenario | None = None,
+        *,
+        shield: bool = False,
+        threads: int | None = None,
     ) -> None:
         self.scenario = s = scenario if scenario is not None else default_scenario()
         self._n = n = checks.whole("num_envs", n, low=1, high=checks.MAX_TICKS)
         disturbances = s.disturbances
         signals = disturbances.noise or disturbances.delay or disturbances.actuators or s.sensors
-        if not isinstance(s.plant, Compliant) or signals or s.robot != "harpy" or s.ground.surface is not None:
-            message = "an environment has Harpy in the library's own plant, without sensors, noise, delay or actuators"
-            raise InputError(f"{message}, on flat ground: put a wrapper around it", name="scenario", value=s)
+        if (
+            not isinstance(s.plant, Compliant)
+            or signals
+            or s.robot != "harpy"
+            or s.ground.surface is not None
+        ):
+            message = (
+                "an environment has Harpy in the library's own plant, without sensors, "
+                "noise, delay or actuators"
+            )
+            raise InputError(
+                f"{message}, on flat ground: put a wrapper around it", name="scenario", value=s
+            )
         if not isinstance(s.gait, Straight):
-            message = f"an environment rewards a speed along x, which the gait '{s.gait.name}' lacks: give Straight"
+            message = (
+                f"an environment rewards a speed along x, which the gait '{s.gait.name}' "
+                f"lacks: give Straight"
+            )
             raise InputError(message, name="scenario", value=s)
         mass_error = disturbances.mass_error
-        self.robot = heavier(load_harpy(s.urdf), mass_error) if mass_error != 0.0 else load_harpy(s.urdf)
+        self.robot = (
+            heavier(load_harpy(s.urdf), mass_error) if mass_error != 0.0 else load_harpy(s.urdf)
+        )
         simulator = Simulator(self.robot, s.ground, dt=s.dt)
         self._start = make_gait(self.robot, speed=0.0, stiffness=s.stiffness).initial_state(
             penetration=simulator.static_penetration
@@ -133,28 +159,51 @@ class BatchedEnv(KeepsViews):
             speed=s.gait.speed,
             shield=shield,
         )
-        governor = ContactForceFilter(self.robot, ContactForceFilterParameters(mu=s.mu), period=s.dt)
+        governor = ContactForceFilter(
+            self.robot, ContactForceFilterParameters(mu=s.mu), period=s.dt
+        )
         parts = (simulator.dynamics._record_, simulator._record_, governor.terms, governor._record_)
         self._ground = s.ground.record
-        self._dynamics, self._step, self._terms, self._governor = (np.repeat(part, n) for part in parts)
+        self._dynamics, self._step, self._terms, self._governor = (
+            np.repeat(part, n) for part in parts
+        )
         self._steps = checks.multiple("period", s.period, "physics step", s.dt)
-        self.q, self.v = (np.tile(array, (n, 1)).copy() for array in self._start)  # (n, nq) and (n, nv)
+        self.q, self.v = (
+            np.tile(array, (n, 1)).copy() for array in self._start
+        )  # (n, nq) and (n, nv)
         self.t = np.zeros(n)
         self.observation, self.reward = np.zeros((n, OBSERVATIONS)), np.zeros(n)  # of the last step
         self.fallen = np.zeros(n, dtype=np.bool_)
         self._no_action, self._no_push = np.zeros(ACTIONS), np.zeros((n, self._steps, 3))
         self._threads = Threads(n, threads)
-        _step_worlds.prepare(0, n, *self._arguments(np.zeros((n, ACTIONS)), self._no_push, self.fallen))
+        _step_worlds.prepare(
+            0, n, *self._arguments(np.zeros((n, ACTIONS)), self._no_push, self.fallen)
+        )
         for i in range(n):
             self.reset(i, np.random.default_rng(i))
 
-    def _arguments(self, action: Vector, push: Vector, idle: NDArray[np.bool_]) -> tuple[Any, Any, Any]:
+    def _arguments(
+        self, action: Vector, push: Vector, idle: NDArray[np.bool_]
+    ) -> tuple[Any, Any, Any]:
         """Records, arrays and results of a step, for the kernel."""
-        records = (self._dynamics, self._ground, self._step, self._terms, self._governor, self._settings)
-        return records, (self.q, self.v, action, push, idle), (self.observation, self.reward, self.fallen)
+        records = (
+            self._dynamics,
+            self._ground,
+            self._step,
+            self._terms,
+            self._governor,
+            self._settings,
+        )
+        return (
+            records,
+            (self.q, self.v, action, push, idle),
+            (self.observation, self.reward, self.fallen),
+        )
 
     def reset(self, i: int, random: np.random.Generator) -> None:
-        """Stand robot i at the start, its joints drawn within ±0.05 rad of the posture, by six numbers."""
+        """Stand robot i at the start, its joints drawn within ±0.05 rad of the posture, by six
+        numbers.
+        """
         i, (q, v) = checks.whole("i", i, high=self.n - 1), self._start
         self.q[i], self.v[i], self.t[i] = q, v, 0.0
         self.q[i, 7:] += random.uniform(-SPREAD, SPREAD, len(q) - 7)
@@ -165,12 +214,16 @@ class BatchedEnv(KeepsViews):
     def step(self, action: ArrayLike, idle: NDArray[np.bool_]) -> None:
         """One period: apply the action, step the physics, observe and compute the reward.
 
-        The action, (n, 12), is clipped to ±1; one of another shape, or not finite, is an :class:`InputError`. Worlds
-        that are ``idle``, (n,), stay as they are.
+        The action, (n, 12), is clipped to ±1; one of another shape, or not finite, is an
+        :class:`InputError`. Worlds that are ``idle``, (n,), stay as they are.
         """
         clipped = np.clip(checks.vector("action", action, (self.n, ACTIONS)), -1.0, 1.0)
-        if not (isinstance(idle, np.ndarray) and idle.dtype == np.bool_ and idle.shape == (self.n,)):
-            raise InputError(f"idle must be {self.n} truth values, got {shown(idle)}", name="idle", value=idle)
+        if not (
+            isinstance(idle, np.ndarray) and idle.dtype == np.bool_ and idle.shape == (self.n,)
+        ):
+            raise InputError(
+                f"idle must be {self.n} truth values, got {shown(idle)}", name="idle", value=idle
+            )
         push = self._push_forces() if self.scenario.disturbances.pushes else self._no_push
         arguments = self._arguments(clipped, push, idle)
         self._threads.run(lambda _, begin, end: _step_worlds(begin, end, *arguments))
@@ -258,7 +311,13 @@ def _step_worlds(
 
 @kernel
 def _command(
-    d: DynamicsRecord, p: SettingsRecord, q: Vector, v: Vector, a: Vector, torque: Vector, thrust: Vector
+    d: DynamicsRecord,
+    p: SettingsRecord,
+    q: Vector,
+    v: Vector,
+    a: Vector,
+    torque: Vector,
+    thrust: Vector,
 ) -> None:
     """Torques of springs that follow the action, and its thrusts in world axes."""
     joints = torque.shape[0]
@@ -279,7 +338,15 @@ def _reward(d: DynamicsRecord, p: SettingsRecord, v: Vector, a: Vector) -> float
 
 
 @kernel
-def _observe(d: DynamicsRecord, s: StepRecord, p: SettingsRecord, q: Vector, v: Vector, a: Vector, out: Vector) -> None:
+def _observe(
+    d: DynamicsRecord,
+    s: StepRecord,
+    p: SettingsRecord,
+    q: Vector,
+    v: Vector,
+    a: Vector,
+    out: Vector,
+) -> None:
     """The observation; see the top of this module."""
     r, joints = d.tree.rotation, p.posture.shape[0]
     of_feet = 12 + 2 * joints

@@ -29,11 +29,12 @@ def spaces() -> tuple[gymnasium.spaces.Box, gymnasium.spaces.Box]:
 
 
 class HarpyEnv(gymnasium.Env[Numbers, Numbers]):
-    """Harpy, to be taught to walk; actions, observations and rewards: :mod:`harpy_pin.contrib.gym.batched_env`.
+    """Harpy, to be taught to walk; actions, observations and rewards:
+    :mod:`harpy_pin.contrib.gym.batched_env`.
 
     Args:
-        scenario: robot, ground, pushes, speed, period, physics step and duration; ten seconds at 0.3 m/s on friction
-            0.6 by default, an action every 5 ms.
+        scenario: robot, ground, pushes, speed, period, physics step and duration; ten seconds at
+            0.3 m/s on friction 0.6 by default, an action every 5 ms.
         shield: whether commands pass a shield, which knows the ground's friction.
         render_mode: none; :attr:`state` goes into the library's own viewers.
 
@@ -43,7 +44,9 @@ class HarpyEnv(gymnasium.Env[Numbers, Numbers]):
 
     metadata = {"render_modes": []}  # noqa: RUF012 - as Gymnasium declares it
 
-    def __init__(self, scenario: Scenario | None = None, *, shield: bool = False, render_mode: None = None) -> None:
+    def __init__(
+        self, scenario: Scenario | None = None, *, shield: bool = False, render_mode: None = None
+    ) -> None:
         self.batch = BatchedEnv(1, scenario, shield=shield)
         self.observation_space: gymnasium.Space[Any]
         self.action_space: gymnasium.Space[Any]
@@ -87,10 +90,12 @@ class HarpyEnv(gymnasium.Env[Numbers, Numbers]):
 
 
 class HarpyVectorEnv(VectorEnv[Numbers, Numbers, NDArray[Any]]):
-    """n times :class:`~harpy_pin.contrib.gym.env.HarpyEnv`, in one compiled loop, on a thread for each core.
+    """n times :class:`~harpy_pin.contrib.gym.env.HarpyEnv`, in one compiled loop, on a thread for
+    each core.
 
-    It answers as :class:`gymnasium.vector.SyncVectorEnv` with n single environments does: a world whose episode is over
-    begins anew at the next step, whose action it does not see (``AutoresetMode.NEXT_STEP``).
+    It answers as :class:`gymnasium.vector.SyncVectorEnv` with n single environments does: a world
+    whose episode is over begins anew at the next step, whose action it does not see
+    (``AutoresetMode.NEXT_STEP``).
 
     Args:
         num_envs: n.
@@ -105,23 +110,36 @@ class HarpyVectorEnv(VectorEnv[Numbers, Numbers, NDArray[Any]]):
     metadata = {"render_modes": [], "autoreset_mode": AutoresetMode.NEXT_STEP}  # noqa: RUF012 - as Gymnasium declares it
 
     def __init__(
-        self, num_envs: int = 1, scenario: Scenario | None = None, *, shield: bool = False, threads: int | None = None
+        self,
+        num_envs: int = 1,
+        scenario: Scenario | None = None,
+        *,
+        shield: bool = False,
+        threads: int | None = None,
     ) -> None:
         self.batch = BatchedEnv(num_envs, scenario, shield=shield, threads=threads)
         self.num_envs = self.batch.n
         self.single_observation_space, self.single_action_space = spaces()
-        self.observation_space: gymnasium.Space[Any] = batch_space(self.single_observation_space, self.num_envs)
-        self.action_space: gymnasium.Space[Any] = batch_space(self.single_action_space, self.num_envs)
+        self.observation_space: gymnasium.Space[Any] = batch_space(
+            self.single_observation_space, self.num_envs
+        )
+        self.action_space: gymnasium.Space[Any] = batch_space(
+            self.single_action_space, self.num_envs
+        )
         self._random = [seeding.np_random(None)[0] for _ in range(self.num_envs)]
         self._over = np.zeros(self.num_envs, dtype=np.bool_)
 
     def reset(
-        self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
+        self,
+        *,
+        seed: int | Sequence[int | None] | None = None,
+        options: dict[str, Any] | None = None,
     ) -> tuple[Numbers, dict[str, Any]]:
         """Begin all episodes anew.
 
         Args:
-            seed: of the draws: one for each world, or the first one's, from which the others count up.
+            seed: of the draws: one for each world, or the first one's, from which the others count
+                up.
             options: none.
 
         Raises:
@@ -131,7 +149,10 @@ class HarpyVectorEnv(VectorEnv[Numbers, Numbers, NDArray[Any]]):
             seed = [int(seed) + i for i in range(self.num_envs)]
         if seed is not None:
             if not isinstance(seed, list | tuple | np.ndarray) or len(seed) != self.num_envs:
-                message = f"{self.num_envs} worlds need as many seeds, or one whole number, got {shown(seed)}"
+                message = (
+                    f"{self.num_envs} worlds need as many seeds, or one whole number, got "
+                    f"{shown(seed)}"
+                )
                 raise InputError(message, name="seed", value=seed)
             for i, value in enumerate(seed):
                 if value is not None:
@@ -142,7 +163,8 @@ class HarpyVectorEnv(VectorEnv[Numbers, Numbers, NDArray[Any]]):
         return self.batch.observation.astype(np.float32), {}
 
     def step(self, actions: Numbers) -> tuple[Numbers, NDArray[Any], Flags, Flags, dict[str, Any]]:
-        """One period of every world; those whose episode was over are reset instead, with reward zero.
+        """One period of every world; those whose episode was over are reset instead, with reward
+        zero.
 
         Raises:
             InputError: the actions have the wrong shape, or are not finite.

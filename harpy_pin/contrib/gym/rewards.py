@@ -15,7 +15,7 @@ avoided get a negative scale.
 | ``power`` | sum over the joints of \\|torque · velocity\\|, in units of weight times 1 m/s | 0 and more |
 | ``slip`` | path of the feet on the ground in this step, mm | 0 and more |
 | ``action_rate`` | mean squared change of the action | 0 and 4 |
-"""
+"""  # noqa: E501
 
 from __future__ import annotations
 
@@ -35,7 +35,12 @@ from harpy_pin.simulation.plant import GRAVITY
 WIDTH = 0.25  # widths of the rewards of velocity and turning, m/s and rad/s
 RISE = 0.1  # unit of the height, m
 SMALLEST_LIMIT = 1e-6  # smallest limit of a joint's torque, N·m: some files give none
-REWARDS: Mapping[str, float] = {"velocity": 1.0, "turning": 0.5, "torque": -0.1, "action_rate": -0.01}
+REWARDS: Mapping[str, float] = {
+    "velocity": 1.0,
+    "turning": 0.5,
+    "torque": -0.1,
+    "action_rate": -0.01,
+}
 """Scales by default."""
 
 
@@ -46,10 +51,12 @@ class Step:
     robot: Robot
     state: State  # true, at the end of the step
     command: Command  # of the controller, at its end
-    torque: Vector  # (joints,) at its end, N·m, with what the motors add where the command has their own law
+    # (joints,) at its end, N·m, with what the motors add where the command has their own law
+    torque: Vector
     action: Vector
     last_action: Vector  # of the step before
-    velocity: Vector  # (3,) of the body in the frame of its heading: forward, to the left, m/s; turning, rad/s
+    # (3,) of the body in the frame of its heading: forward, to the left, m/s; turning, rad/s
+    velocity: Vector
     desired: Vector  # (3,) velocity that is asked for, in the same frame
     standing_height: float  # of the body, m
     slip: float  # path of all feet on the ground in this step, m
@@ -83,7 +90,9 @@ def _power(step: Step) -> float:
 
 
 TERMS: Mapping[str, Callable[[Step], float]] = {
-    "velocity": lambda step: float(np.exp(-np.sum((step.velocity[:2] - step.desired[:2]) ** 2) / WIDTH**2)),
+    "velocity": lambda step: float(
+        np.exp(-np.sum((step.velocity[:2] - step.desired[:2]) ** 2) / WIDTH**2)
+    ),
     "turning": lambda step: float(np.exp(-((step.velocity[2] - step.desired[2]) ** 2) / WIDTH**2)),
     "alive": lambda step: 0.0 if step.fell else 1.0,
     "tilt": _tilt,
@@ -100,8 +109,8 @@ TERMS: Mapping[str, Callable[[Step], float]] = {
 def make_reward(reward: Reward | None) -> Callable[[Step], tuple[float, dict[str, float]]]:
     """A function from a step to its reward, and to what each term adds to it.
 
-    It comes from a function of the step, or from scales by name, of :data:`REWARDS` by default; an :class:`InputError`
-    refuses anything else, an unknown name, and a scale that is not finite.
+    It comes from a function of the step, or from scales by name, of :data:`REWARDS` by default; an
+    :class:`InputError` refuses anything else, an unknown name, and a scale that is not finite.
     """
     if callable(reward):
         return partial(_of_function, reward)

@@ -2,14 +2,16 @@
 
 **Action**, each entry within ±1, held for a step of 20 control ticks (20 ms):
 
-- ``action="velocity"``, (3,): velocity command of the robot's walking gait under the scenario's controller: forward and
-  to the left in units of the gait's largest velocity, turning in units of 1 rad/s.
-- ``action="joints"``, (joints,): offsets of the joints from the standing posture, in units of 0.5 rad, in the order of
-  ``robot.joints``. Springs and dampers at the joints follow them at every tick, within the motors' torques: at 0.5 rad
-  a spring gives the torque limit, or weight times standing height where that is less; a damper has 0.03 s of its
-  spring.
+- ``action="velocity"``, (3,): velocity command of the robot's walking gait under the scenario's
+  controller: forward and to the left in units of the gait's largest velocity, turning in units of 1
+  rad/s.
+- ``action="joints"``, (joints,): offsets of the joints from the standing posture, in units of 0.5
+  rad, in the order of ``robot.joints``. Springs and dampers at the joints follow them at every
+  tick, within the motors' torques: at 0.5 rad a spring gives the torque limit, or weight times
+  standing height where that is less; a damper has 0.03 s of its spring.
 
-**Observation**, each entry clipped to ±10, of the measured state (with the scenario's noise and delay, or estimated):
+**Observation**, each entry clipped to ±10, of the measured state (with the scenario's noise and
+delay, or estimated):
 
 | entries | what | unit |
 |---|---|---|
@@ -25,7 +27,8 @@
 
 **Reward**: :mod:`harpy_pin.contrib.gym.rewards`.
 
-**End**: *terminated* where the robot falls as it does in a run; *truncated* at the scenario's duration.
+**End**: *terminated* where the robot falls as it does in a run; *truncated* at the scenario's
+duration.
 """
 
 from __future__ import annotations
@@ -58,25 +61,28 @@ ACTION_KINDS = ("velocity", "joints")  # what an action is
 TICKS = 20  # control ticks of a step
 MOST = 10.0  # largest entry of an observation
 ANGLE, SPREAD, DAMPING = 0.5, 0.05, 0.03
-"""What an action of one does to a joint, rad; how far joints start from the posture at most, rad; and the dampers in
-their springs, s."""
+"""What an action of one does to a joint, rad; how far joints start from the posture at most, rad;
+and the dampers in their springs, s.
+"""
 TURN = 1.0  # what an action of one asks for, rad/s
 ASKED = 0.5  # share of the gait's largest velocity, and of 1 rad/s, that is asked for at most
 
 
 class RobotEnv(gymnasium.Env[Numbers, Numbers]):
-    """A robot on two, four or six feet that is to move as it is asked; see :mod:`harpy_pin.contrib.gym.robot_env`.
+    """A robot on two, four or six feet that is to move as it is asked; see
+    :mod:`harpy_pin.contrib.gym.robot_env`.
 
     Args:
-        robot: name in the catalogue; or a :class:`~harpy_pin.model.robot.Robot` with two, four or six feet. By default
-            the scenario's, or go2 where that is Harpy.
+        robot: name in the catalogue; or a :class:`~harpy_pin.model.robot.Robot` with two, four or
+            six feet. By default the scenario's, or go2 where that is Harpy.
         action: ``velocity`` or ``joints``.
         reward: scales by name, see :mod:`harpy_pin.contrib.gym.rewards`; or a function of the
             :class:`~harpy_pin.contrib.gym.rewards.Step` that returns the reward.
-        velocity: (3,) that is asked for in every episode, forward, to the left (m/s), turning (rad/s); or (2, 3) ends
-            between which it is drawn. By default it is drawn within half of what the gait can do.
-        scenario: ground, controller, plant, disturbances, duration, period of the control ticks and physics step; ten
-            seconds at friction 0.6 by default. The gait counts for its
+        velocity: (3,) that is asked for in every episode, forward, to the left (m/s), turning
+            (rad/s); or (2, 3) ends between which it is drawn. By default it is drawn within half of
+            what the gait can do.
+        scenario: ground, controller, plant, disturbances, duration, period of the control ticks and
+            physics step; ten seconds at friction 0.6 by default. The gait counts for its
             schedule.
         render_mode: none; :attr:`state` goes into the library's own viewers.
 
@@ -87,8 +93,8 @@ class RobotEnv(gymnasium.Env[Numbers, Numbers]):
         simulator: the plant.
 
     Raises:
-        InputError: a robot that does not walk, an unknown kind of action or term of the reward, or a scenario of
-            another robot or with the governed controller.
+        InputError: a robot that does not walk, an unknown kind of action or term of the reward, or
+            a scenario of another robot or with the governed controller.
     """
 
     metadata = {"render_modes": []}  # noqa: RUF012 - as Gymnasium declares it
@@ -124,12 +130,18 @@ class RobotEnv(gymnasium.Env[Numbers, Numbers]):
         self._laid = self.gait if self._surface is None else OnTerrain(self.gait, self._surface)
         self._q, self._v = self._laid.initial_state(penetration=self.simulator.static_penetration)
         self._height = float(self._q[2]) - self._below(self._q)
-        self._spring = np.minimum(self.robot.torque_limit, self.robot.mass * GRAVITY * self._height) / ANGLE
+        self._spring = (
+            np.minimum(self.robot.torque_limit, self.robot.mass * GRAVITY * self._height) / ANGLE
+        )
         joints = len(self.robot.joints)
         size = 3 if self._drives else joints
         observations = 13 + 2 * joints + len(self.robot.feet) + size
-        self.observation_space: gymnasium.Space[Any] = gymnasium.spaces.Box(-MOST, MOST, (observations,), np.float32)
-        self.action_space: gymnasium.Space[Any] = gymnasium.spaces.Box(-1.0, 1.0, (size,), np.float32)
+        self.observation_space: gymnasium.Space[Any] = gymnasium.spaces.Box(
+            -MOST, MOST, (observations,), np.float32
+        )
+        self.action_space: gymnasium.Space[Any] = gymnasium.spaces.Box(
+            -1.0, 1.0, (size,), np.float32
+        )
         self.render_mode = render_mode
         self.desired = np.zeros(3)
         self._last_action = np.zeros(size)
@@ -152,7 +164,8 @@ class RobotEnv(gymnasium.Env[Numbers, Numbers]):
             options: ``velocity``, (3,), is asked for in this episode.
 
         Raises:
-            InputError: the seed is no whole number, an unknown option, or a velocity that is not three finite numbers.
+            InputError: the seed is no whole number, an unknown option, or a velocity that is not
+                three finite numbers.
         """
         seed = None if seed is None else checks.whole("seed", seed)
         wishes = {} if options is None else checks.mapping("options", options)
@@ -191,14 +204,19 @@ class RobotEnv(gymnasium.Env[Numbers, Numbers]):
         if self._drives:
             self.gait.command[:3] = clipped * self._top
         ending = self._walk(clipped)
-        fell, over = ending != "completed", self._time >= self.scenario.duration - 0.5 * self.scenario.dt
+        fell, over = (
+            ending != "completed",
+            self._time >= self.scenario.duration - 0.5 * self.scenario.dt,
+        )
         slip = float(self.simulator.slip_path.sum()) - slip
         state = self.state
         done = Step(
             robot=self.robot,
             state=state,
             command=self._command,
-            torque=self._command.torque if self._command.law is None else self._motors["mean_torque"][0].copy(),
+            torque=self._command.torque
+            if self._command.law is None
+            else self._motors["mean_torque"][0].copy(),
             action=clipped,
             last_action=self._last_action.copy(),
             velocity=_heading_velocity(state),
@@ -216,7 +234,9 @@ class RobotEnv(gymnasium.Env[Numbers, Numbers]):
         return self._tick * self.scenario.period
 
     def _walk(self, action: Vector) -> str:
-        """The ticks of a step, until the robot falls: how it ended. The state is measured once at each tick."""
+        """The ticks of a step, until the robot falls: how it ended. The state is measured once at
+        each tick.
+        """
         s, ending = self.simulator, "completed"
         for _ in range(TICKS):
             if self._drives:
@@ -253,7 +273,10 @@ class RobotEnv(gymnasium.Env[Numbers, Numbers]):
             data = self.robot.model.createData()
             pin.framesForwardKinematics(self.robot.model, data, q)
             feet = [data.oMf[self.robot.frame_id(foot)].translation for foot in self.robot.feet]
-            q[2] -= min(foot[2] - self._below(foot) for foot in feet) + self.simulator.static_penetration
+            q[2] -= (
+                min(foot[2] - self._below(foot) for foot in feet)
+                + self.simulator.static_penetration
+            )
         return q, v
 
     def _make_sensors(self) -> Sensors | EstimatedState | None:
@@ -264,7 +287,10 @@ class RobotEnv(gymnasium.Env[Numbers, Numbers]):
         seed = int(self.np_random.integers(2**31))
         if s.sensors is None:
             return Sensors(self.robot, noise, delay=self._delay, seed=seed)
-        how: dict[str, Any] = {"controller": self._controller if self._drives else None, "seed": seed}
+        how: dict[str, Any] = {
+            "controller": self._controller if self._drives else None,
+            "seed": seed,
+        }
         how |= {"feedback": s.state == ESTIMATED, "period": s.period}
         return estimated_state(self.simulator, self.robot, s.sensors, **how)
 
@@ -314,12 +340,18 @@ def _heading_velocity(state: State) -> Vector:
 def _checked(scenario: Scenario, robot: str | Robot | None) -> tuple[Robot, Scenario]:
     """The robot, and a scenario that it may walk, whose ground fits it."""
     checks.instance("scenario", scenario, Scenario)
-    robot = loaded_robot(("go2" if scenario.robot == "harpy" else scenario.robot) if robot is None else robot)
+    robot = loaded_robot(
+        ("go2" if scenario.robot == "harpy" else scenario.robot) if robot is None else robot
+    )
     if scenario.robot_name not in ("harpy", robot.name):
-        message = f"the scenario is of '{scenario.robot_name}', and the environment of '{robot.name}'"
+        message = (
+            f"the scenario is of '{scenario.robot_name}', and the environment of '{robot.name}'"
+        )
         raise InputError(message, name="scenario", value=scenario)
     if isinstance(scenario.controller, Governed):
-        raise InputError("the governed controller is for Harpy: take 'condensed' or 'wbc'", name="scenario")
+        raise InputError(
+            "the governed controller is for Harpy: take 'condensed' or 'wbc'", name="scenario"
+        )
     return robot, replace(scenario, ground=scenario.ground.fitted(robot, walks=True))
 
 
@@ -328,7 +360,11 @@ def _velocity_ends(velocity: ArrayLike | None, usual: Vector) -> tuple[Vector, V
     if velocity is None:
         return -usual, usual
     given = checks.array("velocity", velocity, None)
-    ends = checks.vector("velocity", np.stack((given, given)) if given.shape == (3,) else given, (2, 3))
+    ends = checks.vector(
+        "velocity", np.stack((given, given)) if given.shape == (3,) else given, (2, 3)
+    )
     if np.any(ends[0] > ends[1]):
-        raise InputError("the lower end of the velocity is above the upper one", name="velocity", value=velocity)
+        raise InputError(
+            "the lower end of the velocity is above the upper one", name="velocity", value=velocity
+        )
     return ends[0], ends[1]

@@ -27,30 +27,44 @@ def live(
     feet: options.FeetOption = None,
     flat_feet: options.FlatFeetOption = None,
     posture: options.PostureOption = None,
-    friction: Annotated[float, typer.Option(help="Static friction coefficient; sliding friction is 0.9 of it.")] = 0.8,
+    friction: Annotated[
+        float, typer.Option(help="Static friction coefficient; sliding friction is 0.9 of it.")
+    ] = 0.8,
     speed: Annotated[float, typer.Option(help="Forward velocity at the start, m/s.")] = 0.0,
     settings: Annotated[
-        list[str] | None, typer.Option("--set", metavar="NAME=VALUE", help="Another setting, such as slope=0.17.")
+        list[str] | None,
+        typer.Option("--set", metavar="NAME=VALUE", help="Another setting, such as slope=0.17."),
     ] = None,
     duration: Annotated[
-        float | None, typer.Option(help="Time of the clock after which it ends, s; Ctrl-C without.", show_default=False)
+        float | None,
+        typer.Option(
+            help="Time of the clock after which it ends, s; Ctrl-C without.", show_default=False
+        ),
     ] = None,
     save: Annotated[
-        Path | None, typer.Option(metavar="FILE.npz", help="Write what is driven as a log, while it is driven.")
+        Path | None,
+        typer.Option(metavar="FILE.npz", help="Write what is driven as a log, while it is driven."),
     ] = None,
     json: options.JsonOption = None,
     host: Annotated[
-        str, typer.Option(help="Address to serve the page on; others than this machine's let others drive.")
+        str,
+        typer.Option(
+            help="Address to serve the page on; others than this machine's let others drive."
+        ),
     ] = "127.0.0.1",
-    port: Annotated[int, typer.Option(help="Port of the page; any free one by default.", show_default=False)] = 0,
-    browser: Annotated[bool, typer.Option("--browser/--no-browser", help="Open the page in the browser.")] = True,
+    port: Annotated[
+        int, typer.Option(help="Port of the page; any free one by default.", show_default=False)
+    ] = 0,
+    browser: Annotated[
+        bool, typer.Option("--browser/--no-browser", help="Open the page in the browser.")
+    ] = True,
     urdf: options.UrdfOption = None,
 ) -> None:
     """Drive a robot in the browser, in real time.
 
-    --set takes what the page has by the names of harpy_pin.contrib.live.settings.LiveSettings. The page is this
-    machine's alone. Ctrl-C ends it (exit code 130; 143 on SIGTERM). If the process dies, harpy view reads
-    FILE.npz.part.
+    --set takes what the page has by the names of harpy_pin.contrib.live.settings.LiveSettings. The
+    page is this machine's alone. Ctrl-C ends it (exit code 130; 143 on SIGTERM). If the process
+    dies, harpy view reads FILE.npz.part.
 
     \b
     harpy live --set controller=paper --friction 0.25 --speed 0.3
@@ -64,7 +78,8 @@ def live(
     if duration is not None:
         checks.number("duration", duration, low=1e-3, high=LONGEST)
     check_outputs(
-        {"--save": save, "--json": json}, inputs={"the journal of --save": None if save is None else journal_path(save)}
+        {"--save": save, "--json": json},
+        inputs={"the journal of --save": None if save is None else journal_path(save)},
     )
     if find_spec("viser") is None:
         raise HarpyError(f"driving needs viser, which is not installed: {install_line('live')}")
@@ -81,7 +96,9 @@ def live(
     logging.getLogger("harpy_pin.compiling").setLevel(logging.ERROR)  # the line below says it
 
     def show(url: str) -> None:
-        console.print(f"{url} shows {driven_robot.name} standing; compiling the controllers", soft_wrap=True)
+        console.print(
+            f"{url} shows {driven_robot.name} standing; compiling the controllers", soft_wrap=True
+        )
         if browser:
             Thread(target=webbrowser.open, args=(url,), daemon=True).start()
 
@@ -94,7 +111,9 @@ def live(
     )
     times = driven.as_dict()
     for viewers, tick in times["tick_us"].items():
-        times_of_tick = f"median {tick['p50']:.1f} µs, p99 {tick['p99']:.1f} µs ({tick['ticks']} ticks)"
+        times_of_tick = (
+            f"median {tick['p50']:.1f} µs, p99 {tick['p99']:.1f} µs ({tick['ticks']} ticks)"
+        )
         console.print(f"tick, pages open {viewers}: {times_of_tick}")
     if json is not None:
         write_json(json, times)

@@ -1,7 +1,8 @@
-"""Driving: the walk goes on in this process, and its page in another, so that looking never slows control.
+"""Driving: the walk goes on in this process, and its page in another, so that looking never slows
+control.
 
-The two share a board of snapshots, written fifty times a second, and a pipe for what the driver wants. Every tick is
-logged.
+The two share a board of snapshots, written fifty times a second, and a pipe for what the driver
+wants. Every tick is logged.
 """
 
 from __future__ import annotations
@@ -61,12 +62,16 @@ def listen(host: str, port: int) -> socket.socket:
     try:
         address = ipaddress.ip_address("127.0.0.1" if host == "localhost" else host)
     except ValueError:
-        raise InputError(f"host must be an address such as 127.0.0.1, got '{host}'", name="host", value=host) from None
+        raise InputError(
+            f"host must be an address such as 127.0.0.1, got '{host}'", name="host", value=host
+        ) from None
     family = socket.AF_INET if address.version == 4 else socket.AF_INET6
     try:
         return socket.create_server((str(address), port), family=family)
     except OSError as error:
-        raise RunFileError(f"cannot serve the page on {host}, port {port}: {error.strerror or error}") from error
+        raise RunFileError(
+            f"cannot serve the page on {host}, port {port}: {error.strerror or error}"
+        ) from error
 
 
 @dataclass
@@ -81,7 +86,9 @@ class DriveSummary:
     factor: float = 1.0  # simulated time per time that it should have taken
     most_viewers: int = 0  # pages that were open at once
     signal: int | None = None  # that ended it (Ctrl-C or SIGTERM); None where it ended by itself
-    times: dict[int, TickTimes] = field(default_factory=dict)  # of ticks, by the number of pages that were open
+    times: dict[int, TickTimes] = field(
+        default_factory=dict
+    )  # of ticks, by the number of pages that were open
 
     def as_dict(self) -> dict[str, Any]:
         """Its numbers."""
@@ -113,8 +120,8 @@ class Drive:
         robot: who walks, see :class:`LiveSession`.
         save: file of the log; none is kept without it.
         listener: the page's socket; no page without one.
-        on_page: called with the page's address when it can be opened. The robot stands there; controllers are compiled
-            only then, which takes some seconds the first time.
+        on_page: called with the page's address when it can be opened. The robot stands there;
+            controllers are compiled only then, which takes some seconds the first time.
 
     Attributes:
         session: what is driven.
@@ -166,7 +173,11 @@ class Drive:
         other.close()
         self._listener.close()
         try:
-            kind, text = self._pipe.recv() if self._pipe.poll(READY_WITHIN) else ("failed", "it did not start")
+            kind, text = (
+                self._pipe.recv()
+                if self._pipe.poll(READY_WITHIN)
+                else ("failed", "it did not start")
+            )
         except EOFError:
             kind, text = "failed", "its process ended"
         if kind != "ready":
@@ -200,7 +211,9 @@ class Drive:
             if self._log is not None:
                 self.driven.run = self._log.close(self.session.ending or "completed")
             shield.late = None
-        if trouble is not None and self.driven.signal is None:  # a signal to all processes ends the page's first
+        if (
+            trouble is not None and self.driven.signal is None
+        ):  # a signal to all processes ends the page's first
             raise trouble
         return self.driven
 
@@ -223,7 +236,11 @@ class Drive:
         published = checked = begin
         while True:
             now = time.monotonic()
-            if self._over or shield.late is not None or (duration is not None and now - begin >= duration):
+            if (
+                self._over
+                or shield.late is not None
+                or (duration is not None and now - begin >= duration)
+            ):
                 return
             self._listen()
             session.advance(time.monotonic())
@@ -270,7 +287,11 @@ class Drive:
         self._known = session.settings, session.paused, session.ending
         if self._pipe is None:
             return
-        standing = {"settings": asdict(session.settings), "paused": session.paused, "ending": session.ending}
+        standing = {
+            "settings": asdict(session.settings),
+            "paused": session.paused,
+            "ending": session.ending,
+        }
         try:
             self._pipe.send({**standing, "note": note, "refused": refused, "busy": busy})
         except OSError:
@@ -284,10 +305,11 @@ class Drive:
 
 
 class LiveLog:
-    """What was driven, as a run on disk: its rows leave the memory every second, and are read back at the end.
+    """What was driven, as a run on disk: its rows leave the memory every second, and are read back
+    at the end.
 
-    Walks follow each other in the log: a robot that begins anew jumps back to the origin, and time goes on. It holds
-    :attr:`LiveSession.signals`, the same whatever controller drives.
+    Walks follow each other in the log: a robot that begins anew jumps back to the origin, and time
+    goes on. It holds :attr:`LiveSession.signals`, the same whatever controller drives.
 
     Args:
         session: that is logged.
@@ -314,10 +336,13 @@ class LiveLog:
         """Write the log in its place, with an ending (:attr:`harpy_pin.log.run.Run.ending`).
 
         Raises:
-            RunFileError: it cannot be written; its rows are in the journal beside it, which the message names.
+            RunFileError: it cannot be written; its rows are in the journal beside it, which the
+                message names.
         """
         simulator = self._session.simulator
-        run, unsaved = keep_run(simulator, self._recorder, self._metadata(ending), self._journal, self.path)
+        run, unsaved = keep_run(
+            simulator, self._recorder, self._metadata(ending), self._journal, self.path
+        )
         if unsaved is not None:
             raise unsaved
         return run

@@ -1,8 +1,9 @@
 """What stands before viser's server: one port and no other, and no page from elsewhere.
 
-Viser answers whoever reaches its port. A page of another site could reach it through the browser of the person who
-drives, by its address or by a name that is made to point there (DNS rebinding). So a request must name this server as
-its host, and where it says what page it comes from, that must be ours.
+Viser answers whoever reaches its port. A page of another site could reach it through the browser of
+the person who drives, by its address or by a name that is made to point there (DNS rebinding). So a
+request must name this server as its host, and where it says what page it comes from, that must be
+ours.
 """
 
 from __future__ import annotations
@@ -18,7 +19,13 @@ from typing import Any
 
 import viser
 import websockets.asyncio.server
-from viser import GuiButtonGroupHandle, GuiCheckboxHandle, GuiDropdownHandle, GuiSliderHandle, _messages
+from viser import (
+    GuiButtonGroupHandle,
+    GuiCheckboxHandle,
+    GuiDropdownHandle,
+    GuiSliderHandle,
+    _messages,
+)
 from websockets.asyncio.server import ServerConnection
 from websockets.http11 import Request, Response
 
@@ -50,7 +57,9 @@ def guarded_server(
     with _guard(listener) as used:
         server = _Server(host=host, port=port, label=label, verbose=False)
     if not used:
-        raise HarpyError(f"viser {viser.__version__} starts its server in another way than expected; install 1.1")
+        raise HarpyError(
+            f"viser {viser.__version__} starts its server in another way than expected; install 1.1"
+        )
     _take_values_only(server, on_refused)
     return server
 
@@ -73,7 +82,9 @@ def allowed(host: list[str], origin: list[str], *, bound: str, port: int) -> boo
 
 
 def _is_ours(name: str, bound: str) -> bool:
-    """Whether a name can be meant for this server: a name that somebody else gives to its address is none."""
+    """Whether a name can be meant for this server: a name that somebody else gives to its address
+    is none.
+    """
     if name == "localhost":
         return True
     try:
@@ -92,19 +103,29 @@ class _Server(viser.ViserServer):
 
 @contextmanager
 def _guard(listener: socket.socket) -> Iterator[list[bool]]:
-    """While viser starts, its websocket server gets our socket, and asks us first; says whether it did."""
+    """While viser starts, its websocket server gets our socket, and asks us first; says whether it
+    did.
+    """
     serve, used = websockets.asyncio.server.serve, []
     bound, port = listener.getsockname()[:2]
 
-    def guarded(handler: Any, *place: Any, process_request: Callable[..., Any], **options: Any) -> Any:
+    def guarded(
+        handler: Any, *place: Any, process_request: Callable[..., Any], **options: Any
+    ) -> Any:
         used.append(True)
 
         def check(connection: ServerConnection, request: Request) -> Response | None:
             headers = request.headers
             if not all(map(HOST.fullmatch, headers.get_all("Host"))):
-                return connection.respond(http.HTTPStatus.BAD_REQUEST, "this Host header names no host and port\n")
-            if not allowed(headers.get_all("Host"), headers.get_all("Origin"), bound=bound, port=port):
-                return connection.respond(http.HTTPStatus.FORBIDDEN, "this page is for its own machine\n")
+                return connection.respond(
+                    http.HTTPStatus.BAD_REQUEST, "this Host header names no host and port\n"
+                )
+            if not allowed(
+                headers.get_all("Host"), headers.get_all("Origin"), bound=bound, port=port
+            ):
+                return connection.respond(
+                    http.HTTPStatus.FORBIDDEN, "this page is for its own machine\n"
+                )
             answer: Response | None = process_request(connection, request)
             return answer
 
@@ -119,7 +140,9 @@ def _guard(listener: socket.socket) -> Iterator[list[bool]]:
 
 
 def _take_values_only(server: viser.ViserServer, on_refused: Callable[[str], None]) -> None:
-    """Take nothing from a page but values that its controls can have: viser would set any attribute to anything."""
+    """Take nothing from a page but values that its controls can have: viser would set any attribute
+    to anything.
+    """
     handlers = server._websock_server._incoming_handlers
     controls = server.gui._gui_input_handle_from_uuid
 
@@ -141,7 +164,11 @@ def _take_values_only(server: viser.ViserServer, on_refused: Callable[[str], Non
 
     update = _messages.GuiUpdateMessage
     handlers[update] = [only_values(handler) for handler in handlers[update]]
-    for kind in (_messages.FileTransferStartUpload, _messages.FileTransferPart, _messages.ShareUrlRequest):
+    for kind in (
+        _messages.FileTransferStartUpload,
+        _messages.FileTransferPart,
+        _messages.ShareUrlRequest,
+    ):
         handlers.pop(kind, None)
 
 
@@ -158,9 +185,13 @@ def check_value(handle: Any, value: object) -> None:
         checks.one_of(f"option of {label}", value[:60], handle.options)
     elif isinstance(handle, GuiSliderHandle):
         if isinstance(value, bool) or not isinstance(value, int | float):
-            raise InputError(f"{label} must be a number, got {value!r:.60}", name=label, value=value)
+            raise InputError(
+                f"{label} must be a number, got {value!r:.60}", name=label, value=value
+            )
         number = checks.number(label, value, low=handle.min, high=handle.max)
         if isinstance(handle.value, int):
             checks.whole(label, int(number) if number.is_integer() else value)
     elif isinstance(handle, GuiCheckboxHandle) and not isinstance(value, bool):
-        raise InputError(f"{label} must be true or false, got {value!r:.60}", name=label, value=value)
+        raise InputError(
+            f"{label} must be true or false, got {value!r:.60}", name=label, value=value
+        )

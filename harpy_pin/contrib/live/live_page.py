@@ -1,7 +1,8 @@
 """The process of the live page: it shows snapshots, and says what the driver wants.
 
-Viser moves the camera by the same keys that drive. Whoever drives would soon see nothing of the robot, so the point
-that the camera looks at is put back; the mouse still turns the view about the robot, nearer and further away.
+Viser moves the camera by the same keys that drive. Whoever drives would soon see nothing of the
+robot, so the point that the camera looks at is put back; the mouse still turns the view about the
+robot, nearer and further away.
 """
 
 from __future__ import annotations
@@ -44,11 +45,17 @@ ARRIVES_WITHIN = 20
 FARTHEST = 1e6
 """Largest coordinate of a camera, m."""
 LOWEST, HIGHEST = 0.03, 1.4
-"""Elevation of the camera over the robot, rad: not below the ground, and not from straight above."""
+"""Elevation of the camera over the robot, rad: not below the ground, and not from straight
+above.
+"""
 
 
 def serve(
-    pipe: Connection, listener: socket.socket, board: SharedSnapshots, robot: Robot, settings: Mapping[str, Any]
+    pipe: Connection,
+    listener: socket.socket,
+    board: SharedSnapshots,
+    robot: Robot,
+    settings: Mapping[str, Any],
 ) -> None:
     """What the process does until the pipe is closed.
 
@@ -86,7 +93,9 @@ class _Page:
     ) -> None:
         self._pipe, self._board = pipe, board
         self._sending = threading.Lock()
-        self.server = guarded_server(listener, label="harpy live", on_refused=lambda reason: self._panel.refuse(reason))
+        self.server = guarded_server(
+            listener, label="harpy live", on_refused=lambda reason: self._panel.refuse(reason)
+        )
         ranges = DriveRanges.of(robot)
         self._spring = ranges.spring
         self._scene = LiveScene(self.server, robot)
@@ -98,7 +107,9 @@ class _Page:
         camera, scale = self.server.initial_camera, self._scene.scale
         camera.position, camera.look_at = scale * np.array(EYE), scale * np.array(MIDDLE)
         camera.fov = float(np.radians(FIELD_OF_VIEW))
-        self.server.on_client_connect(lambda client: _keep_in_view(client, scale, lambda: self._panel.follows))
+        self.server.on_client_connect(
+            lambda client: _keep_in_view(client, scale, lambda: self._panel.follows)
+        )
         for handle in self._scene.handles:
             handle.on_drag("left")(self._on_drag)
 
@@ -167,7 +178,9 @@ class _Page:
 
 
 def _keep_in_view(client: viser.ClientHandle, scale: float, follows: Callable[[], bool]) -> None:
-    """Put the camera of a new page in its place for a robot of a size, and keep it in its middle while it follows."""
+    """Put the camera of a new page in its place for a robot of a size, and keep it in its middle
+    while it follows.
+    """
     begin, middle = scale * np.array(EYE), scale * np.array(MIDDLE)
     upright = client.camera.image_width < UPRIGHT * client.camera.image_height
     if upright:  # from further away, and the robot in the upper half
@@ -194,11 +207,16 @@ def _keep_in_view(client: viser.ClientHandle, scale: float, follows: Callable[[]
 
 def _is_at(camera: viser.CameraHandle, eye: Vector) -> bool:
     """Whether a camera is in a place."""
-    return bool(np.shape(camera.position) == (3,) and np.allclose(camera.position, eye, rtol=0.0, atol=TOLERANCE))
+    return bool(
+        np.shape(camera.position) == (3,)
+        and np.allclose(camera.position, eye, rtol=0.0, atol=TOLERANCE)
+    )
 
 
 def _put(camera: viser.CameraHandle, eye: Vector, look_at: Vector) -> None:
-    """Put a camera in a place; one without directions, whose page has sent zeros for them, stays as it is."""
+    """Put a camera in a place; one without directions, whose page has sent zeros for them, stays as
+    it is.
+    """
     with contextlib.suppress(ValueError):
         camera.position = eye
     with contextlib.suppress(ValueError):
@@ -206,11 +224,13 @@ def _put(camera: viser.CameraHandle, eye: Vector, look_at: Vector) -> None:
 
 
 def followed(eye: Vector, look_at: Vector, middle: Vector) -> Vector | None:
-    """Where a camera belongs that has been moved: where it looks at the middle as it has looked, over the ground.
+    """Where a camera belongs that has been moved: where it looks at the middle as it has looked,
+    over the ground.
 
     Args:
         eye: (3,) where it is, m.
-        look_at: (3,) what it looks at, m; one that looks at its own place belongs where it was first.
+        look_at: (3,) what it looks at, m; one that looks at its own place belongs where it was
+            first.
         middle: (3,) what it should look at, m.
 
     Returns:

@@ -1,6 +1,7 @@
 """The scene of the live page: robot, ground, forces in their cones, references.
 
-The robot stays in the middle: the world moves so that a place on the ground that follows the body is where it was.
+The robot stays in the middle: the world moves so that a place on the ground that follows the body
+is where it was.
 """
 
 from __future__ import annotations
@@ -19,7 +20,17 @@ from harpy_pin.model.state import Vector
 from harpy_pin.view.palette import APPLIED, ESTIMATE, TARGET, as_rgb, ground_colour
 from harpy_pin.view.scene.forces import Arrow, Forces, Scales
 from harpy_pin.view.scene.frames import PLACES, Contacts
-from harpy_pin.view.scene.nodes import Box, Cylinder, Lines, Look, Motion, Motions, Node, Sphere, from_matrices
+from harpy_pin.view.scene.nodes import (
+    Box,
+    Cylinder,
+    Lines,
+    Look,
+    Motion,
+    Motions,
+    Node,
+    Sphere,
+    from_matrices,
+)
 from harpy_pin.view.scene.robot_nodes import RobotNodes
 
 FOLLOW_TIME = 0.4
@@ -82,13 +93,21 @@ class LiveScene:
         self._push = Arrow("push", PUSH, radius=0.012 * scale, metres_per_newton=1.0 / scales.force)
         for part in (self._robot, self._forces, self._push):
             self._drawn.add(part.nodes)
-        self._drawn.add([Node("friction_strip", Box((1.0, 8.0, 0.002)), Look(STRIP, 0.75, light="ground"))])
-        for name, size, colour in (("target", 0.16, TARGET), ("applied", 0.15, APPLIED), ("estimate", 0.14, ESTIMATE)):
+        self._drawn.add(
+            [Node("friction_strip", Box((1.0, 8.0, 0.002)), Look(STRIP, 0.75, light="ground"))]
+        )
+        for name, size, colour in (
+            ("target", 0.16, TARGET),
+            ("applied", 0.15, APPLIED),
+            ("estimate", 0.14, ESTIMATE),
+        ):
             self._drawn.add([Node(f"reference/{name}", _frame(size * scale), Look(colour))])
         self.handles = self._drawn.handles
         self._points: dict[str, list[Vector]] = {"target": [], "body": []}
         self._trails = {
-            name: scene.add_line_segments(f"/walk/trail/{name}", np.zeros((1, 2, 3)), as_rgb(colour), thickness=0.006)
+            name: scene.add_line_segments(
+                f"/walk/trail/{name}", np.zeros((1, 2, 3)), as_rgb(colour), thickness=0.006
+            )
             for name, colour in (("target", TARGET), ("body", WAY))
         }
 
@@ -98,12 +117,21 @@ class LiveScene:
         self._follow(s)
         pin.framesForwardKinematics(self._model, self._data, s["q"])
         motions: Motions = {"": Motion(position=-self.origin[None])}
-        motions |= self._robot.motions(np.stack([placement.homogeneous for placement in self._data.oMi])[None])
+        motions |= self._robot.motions(
+            np.stack([placement.homogeneous for placement in self._data.oMi])[None]
+        )
         place, normal = s["foot_position"][None], np.zeros((1, len(s["foot_position"]), 3))
         normal[..., 0], normal[..., 2] = -np.sin(self._slope), np.cos(self._slope)
-        contacts = Contacts(place, *(s[name][None] for name in ("contact_force", "contact_velocity", "foot_friction")))
-        mounts = np.reshape([self._data.oMf[mount].translation for mount in self._mounts], (1, -1, 3))
-        motions |= self._forces.motions(contacts, s["foot_force"][None], normal, mounts, s["thrust"][None])
+        contacts = Contacts(
+            place,
+            *(s[name][None] for name in ("contact_force", "contact_velocity", "foot_friction")),
+        )
+        mounts = np.reshape(
+            [self._data.oMf[mount].translation for mount in self._mounts], (1, -1, 3)
+        )
+        motions |= self._forces.motions(
+            contacts, s["foot_force"][None], normal, mounts, s["thrust"][None]
+        )
         motions |= self._push.motions(s["q"][None, :3], s["push"][None])
         half = 0.5 * float(s["heading"][0])
         for name, signal in PLACES.items():
@@ -116,15 +144,21 @@ class LiveScene:
         (begin, end), (x, y) = self._strip or (0.0, 1.0), s["q"][:2]
         middle, turn = 0.5 * (begin + end), 0.5 * self._slope
         motions["friction_strip"] = Motion(
-            position=np.array([[middle, y, s["below"] + np.tan(self._slope) * (middle - x) - 0.001]]),
+            position=np.array(
+                [[middle, y, s["below"] + np.tan(self._slope) * (middle - x) - 0.001]]
+            ),
             quaternion=np.array([[0.0, -np.sin(turn), 0.0, np.cos(turn)]]),
             scale=np.array([[end - begin, 1.0, 1.0]]),
             visible=np.array([self._strip is not None]),
         )
         self._drawn.move(motions)
 
-    def lay_ground(self, friction: float, friction_strips: tuple[tuple[float, float, float], ...]) -> None:
-        """Colour the ground by its friction, and lay the first strip: from x, to x, m, and friction of each."""
+    def lay_ground(
+        self, friction: float, friction_strips: tuple[tuple[float, float, float], ...]
+    ) -> None:
+        """Colour the ground by its friction, and lay the first strip: from x, to x, m, and friction
+        of each.
+        """
         if friction != self._mu:
             self._mu = friction
             self._floor.plane_color = as_rgb(ground_colour(friction))
@@ -181,7 +215,11 @@ def _size(robot: Robot) -> float:
 
 def _frame(size: float) -> Lines:
     """The twelve edges of a cube."""
-    corners = 0.5 * size * np.array([[x, y, z] for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)])
+    corners = (
+        0.5
+        * size
+        * np.array([[x, y, z] for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)])
+    )
     pairs = [(a, b) for a in range(8) for b in range(a) if (a ^ b) in (1, 2, 4)]
     return Lines(corners[np.array(pairs)])
 
@@ -192,12 +230,17 @@ def _set_stage(scene: viser.SceneApi) -> None:
     scene.world_axes.visible = False
     scene.configure_environment_map(None)
     scene.configure_default_lights(enabled=False)
-    scene.add_light_hemisphere("/light/sky", sky_color=(255, 255, 255), ground_color=(205, 200, 190), intensity=1.8)
-    scene.add_light_directional("/light/lamp", intensity=2.0, cast_shadow=True, position=(1.5, -2.5, 5.0))
+    scene.add_light_hemisphere(
+        "/light/sky", sky_color=(255, 255, 255), ground_color=(205, 200, 190), intensity=1.8
+    )
+    scene.add_light_directional(
+        "/light/lamp", intensity=2.0, cast_shadow=True, position=(1.5, -2.5, 5.0)
+    )
 
 
 class ViserScene:
-    """Nodes and motions as viser draws them, below a frame that stands for the world's: what has changed is sent.
+    """Nodes and motions as viser draws them, below a frame that stands for the world's: what has
+    changed is sent.
 
     Args:
         scene: of viser.
@@ -233,13 +276,17 @@ class ViserScene:
                     handle.visible = shown
                 if not shown:
                     continue
-            if motion.position is not None and not np.array_equal(handle.position, motion.position[0]):
+            if motion.position is not None and not np.array_equal(
+                handle.position, motion.position[0]
+            ):
                 handle.position = motion.position[0]
             if motion.quaternion is not None:
                 x, y, z, w = motion.quaternion[0].tolist()
                 if not np.array_equal(handle.wxyz, (w, x, y, z)):
                     handle.wxyz = w, x, y, z
-            if motion.scale is not None and not np.allclose(handle.scale, motion.scale[0], rtol=0.0, atol=1e-6):
+            if motion.scale is not None and not np.allclose(
+                handle.scale, motion.scale[0], rtol=0.0, atol=1e-6
+            ):
                 handle.scale = tuple(motion.scale[0].tolist())
 
     def _draw(self, node: Node) -> Any:
@@ -247,10 +294,19 @@ class ViserScene:
         place = _place(node.placement)
         if isinstance(shape, Lines):
             return scene.add_line_segments(
-                name, shape.points, as_rgb(look.colour), thickness=EDGE, thickness_units="screen", **place
+                name,
+                shape.points,
+                as_rgb(look.colour),
+                thickness=EDGE,
+                thickness_units="screen",
+                **place,
             )
         body = look.light == "body"
-        place |= {"color": as_rgb(look.colour), "cast_shadow": body, "receive_shadow": body or look.light == "ground"}
+        place |= {
+            "color": as_rgb(look.colour),
+            "cast_shadow": body,
+            "receive_shadow": body or look.light == "ground",
+        }
         place |= {"opacity": look.opacity if look.opacity < 1.0 else None}
         if isinstance(shape, Box):
             return scene.add_box(name, dimensions=shape.size, **place)
@@ -259,7 +315,12 @@ class ViserScene:
         if isinstance(shape, Cylinder):
             return scene.add_cylinder(name, radius=shape.radius, height=shape.length, **place)
         return scene.add_mesh_simple(
-            name, shape.vertices, shape.faces, flat_shading=body, side="front" if body else "double", **place
+            name,
+            shape.vertices,
+            shape.faces,
+            flat_shading=body,
+            side="front" if body else "double",
+            **place,
         )
 
 

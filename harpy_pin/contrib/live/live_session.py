@@ -1,4 +1,6 @@
-"""A walk that is driven: everything but the browser. It knows no threads, and no clock but the one that it is given."""
+"""A walk that is driven: everything but the browser. It knows no threads, and no clock but the one
+that it is given.
+"""
 
 from __future__ import annotations
 
@@ -14,7 +16,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from harpy_pin import checks
-from harpy_pin.contrib.live.settings import DrivenGait, DriveRanges, LiveSettings, make_driven_gait, usual_settings
+from harpy_pin.contrib.live.settings import (
+    DrivenGait,
+    DriveRanges,
+    LiveSettings,
+    make_driven_gait,
+    usual_settings,
+)
 from harpy_pin.contrib.live.times import RealTimePacer, TickTimes
 from harpy_pin.controllers.gait_controller import GaitController
 from harpy_pin.controllers.named_controllers import make_controller
@@ -40,7 +48,9 @@ PULL_LASTS = 0.25
 FOLLOWED = 10
 """Ticks between two changes of the ground."""
 STIFFNESS_RATE, TILT_RATE = 4.0, 0.1
-"""How fast the ground's stiffness changes, 1/s (by a factor of e in 0.25 s), and how fast it tilts, rad/s."""
+"""How fast the ground's stiffness changes, 1/s (by a factor of e in 0.25 s), and how fast it tilts,
+rad/s.
+"""
 SLOW = 0.02
 """Velocity below which a robot that never stops stepping may change its schedule, m/s and rad/s."""
 MAX_AT_ONCE = 50
@@ -62,13 +72,15 @@ class Tick:
 class LiveSession:
     """A robot that is driven, on a ground that changes.
 
-    A new controller goes on from the present state, with the gait as it is. Only where the walk has turned and the new
-    controller faces x does the robot begin anew.
+    A new controller goes on from the present state, with the gait as it is. Only where the walk has
+    turned and the new controller faces x does the robot begin anew.
 
     Args:
         settings: to begin with; by default :func:`usual_settings`.
-        robot: who walks: Harpy, the default, or any robot with two, four or six feet and a posture in which it stands.
-        on_standing: called with the session when the robot stands, before the controllers' kernels are compiled.
+        robot: who walks: Harpy, the default, or any robot with two, four or six feet and a posture
+            in which it stands.
+        on_standing: called with the session when the robot stands, before the controllers' kernels
+            are compiled.
 
     Attributes:
         settings: as they are.
@@ -77,14 +89,14 @@ class LiveSession:
         gait: the commanded walk.
         plane: surface of the ground as it is.
         controller: the present one.
-        ending: empty while it walks; otherwise ``fell``, ``diverged``, or what the controller failed with. Then
-            nothing moves until :meth:`reset`.
+        ending: empty while it walks; otherwise ``fell``, ``diverged``, or what the controller
+            failed with. Then nothing moves until :meth:`reset`.
         paused: whether time stands still.
         ticks: of all walks since the session began.
         walks: that were begun.
         falls: so far.
-        times: of the present controller's ticks; the first one with a controller is not counted, since it loads
-            compiled code.
+        times: of the present controller's ticks; the first one with a controller is not counted,
+            since it loads compiled code.
         pacer: of the clock.
         last: the last tick; before the first of a walk, the robot as it stands, and no command.
         on_tick: called after every tick (a log).
@@ -102,7 +114,8 @@ class LiveSession:
         self.settings = s = settings if settings is not None else usual_settings(self.robot)
         self.ranges.check(s)
         self.simulator = Simulator(
-            self.robot, Ground(mu_s=s.friction, stiffness=s.stiffness, friction_strips=s.friction_strips)
+            self.robot,
+            Ground(mu_s=s.friction, stiffness=s.stiffness, friction_strips=s.friction_strips),
         )
         self.times, self.pacer = TickTimes(), RealTimePacer(PERIOD)
         self.paused = False
@@ -111,7 +124,9 @@ class LiveSession:
         self.gait: DrivenGait
         self._pushes: list[Push] = []
         self._pull, self._pull_until = np.zeros(3), 0.0
-        self._nothing = Command(np.zeros(len(self.robot.joints)), np.zeros((len(self.robot.thrusters), 3)))
+        self._nothing = Command(
+            np.zeros(len(self.robot.joints)), np.zeros((len(self.robot.thrusters), 3))
+        )
         self.on_tick: Callable[[Tick], None] | None = None
         self._slip_before = np.zeros((len(self.robot.feet), 2))
         self._sensors: Sensors | EstimatedState | None = None
@@ -130,19 +145,25 @@ class LiveSession:
 
     @property
     def slip(self) -> Vector:
-        """(feet, 2) path of the feet on the ground in all walks, and distances from touchdown to last touch, m."""
-        return self._slip_before + np.stack((self.simulator.slip_path, self.simulator.slip_net), axis=1)
+        """(feet, 2) path of the feet on the ground in all walks, and distances from touchdown to
+        last touch, m.
+        """
+        return self._slip_before + np.stack(
+            (self.simulator.slip_path, self.simulator.slip_net), axis=1
+        )
 
     @property
     def signals(self) -> dict[str, ArrayLike]:
         """The last tick and how things stand: what is logged at each tick, by the names of logs.
 
-        ``controller`` and ``schedule`` are numbers, whose names are in the metadata ``live``; ``push`` is the force on
-        the body from outside, N.
+        ``controller`` and ``schedule`` are numbers, whose names are in the metadata ``live``;
+        ``push`` is the force on the body from outside, N.
         """
         tick, target, settings, s = self.last, self.target, self.settings, self.simulator
         schedules, gait, slip = self.ranges.schedules, self.gait, self.slip
-        schedule = {"schedule": schedules.index(gait.schedule)} if isinstance(gait, WalkingGait) else {}
+        schedule = (
+            {"schedule": schedules.index(gait.schedule)} if isinstance(gait, WalkingGait) else {}
+        )
         return {
             "t": (self.ticks - 1) * PERIOD,
             "q": tick.state.q,
@@ -200,14 +221,21 @@ class LiveSession:
         before, after = self.settings, self.settings.changed(changes)
         self.ranges.check(after)
         note, controller, restarts = "", None, False
-        if (after.controller, after.mu, after.estimate) != (before.controller, before.mu, before.estimate):
+        if (after.controller, after.mu, after.estimate) != (
+            before.controller,
+            before.mu,
+            before.estimate,
+        ):
             restarts = not after.turns and bool(self.gait.target.heading[:2].any())
             if not restarts:
                 controller = self._make_controller(after)
         self.settings = after
         if (after.friction, after.friction_strips) != (before.friction, before.friction_strips):
             self._lay_ground(self.simulator.ground.stiffness)
-        seen = [(s.delay, s.noise, s.state, s.slope if s.state == ESTIMATED else 0.0) for s in (before, after)]
+        seen = [
+            (s.delay, s.noise, s.state, s.slope if s.state == ESTIMATED else 0.0)
+            for s in (before, after)
+        ]
         if seen[0] != seen[1]:
             self._make_sensors(goes_on=before.state == after.state == ESTIMATED)
         if restarts:
@@ -223,26 +251,36 @@ class LiveSession:
         return note
 
     def lay_strip(self, friction: float) -> str:
-        """Lay a strip of this friction across x, ahead of the body; one that was there goes. See :meth:`change`."""
+        """Lay a strip of this friction across x, ahead of the body; one that was there goes. See
+        :meth:`change`.
+        """
         x, ahead = float(self.simulator.q[0]), self.ranges.ahead
-        begin = x + ahead if math.cos(float(self.gait.target.heading[0])) >= 0.0 else x - ahead - STRIP_LENGTH
+        begin = (
+            x + ahead
+            if math.cos(float(self.gait.target.heading[0])) >= 0.0
+            else x - ahead - STRIP_LENGTH
+        )
         return self.change({"friction_strips": ((begin, begin + STRIP_LENGTH, friction),)})
 
     def push(self, impulse: ArrayLike) -> None:
         """Push the body by a (3,) impulse, world axes, N·s, within a tenth of a second.
 
         Raises:
-            InputError: no finite vector, or a larger one than 30 N·s; it may be larger for robots heavier than Harpy.
+            InputError: no finite vector, or a larger one than 30 N·s; it may be larger for robots
+                heavier than Harpy.
         """
         vector = checks.vector("impulse", impulse, 3)
         size, most = float(np.linalg.norm(vector)), self.ranges.impulse
         if size > most:
-            raise InputError(f"a push has at most {most:g} N·s, got {size:g}", name="impulse", value=impulse)
+            raise InputError(
+                f"a push has at most {most:g} N·s, got {size:g}", name="impulse", value=impulse
+            )
         x, y, z = vector.tolist()
         self._pushes.append(Push(self.simulator.t, (x, y, z)))
 
     def pull(self, force: ArrayLike) -> None:
-        """Pull the body by a (3,) force, world axes, N, for a quarter of a second unless it is pulled again.
+        """Pull the body by a (3,) force, world axes, N, for a quarter of a second unless it is
+        pulled again.
 
         A force above 60 N is shortened; it may be larger for robots heavier than Harpy.
 
@@ -255,14 +293,20 @@ class LiveSession:
         self._pull_until = self.simulator.t + PULL_LASTS
 
     def pause(self, paused: bool) -> None:
-        """Let time stand still, or go on; an :class:`InputError` for what is neither true nor false."""
+        """Let time stand still, or go on; an :class:`InputError` for what is neither true nor
+        false.
+        """
         if not isinstance(paused, bool):
-            raise InputError(f"paused must be true or false, got {paused!r:.60}", name="paused", value=paused)
+            raise InputError(
+                f"paused must be true or false, got {paused!r:.60}", name="paused", value=paused
+            )
         self.paused = paused
         self.pacer.restart()
 
     def reset(self) -> None:
-        """Begin a new walk, standing at the origin, on the ground as it is set; its strip stays where it lies."""
+        """Begin a new walk, standing at the origin, on the ground as it is set; its strip stays
+        where it lies.
+        """
         self._slip_before = self.slip
         self._stand()
         self._take_over(self._make_controller(self.settings))
@@ -300,7 +344,9 @@ class LiveSession:
         state = s.state
         measured = state if self._sensors is None else self._sensors.measure(state)
         if not self._schedule_fits() and self._may_change_schedule():
-            self.gait = make_driven_gait(self.robot, self.settings)  # it goes on from where the robot stands
+            self.gait = make_driven_gait(
+                self.robot, self.settings
+            )  # it goes on from where the robot stands
             self._start_gait(measured)
             self._take_over(self._make_controller(self.settings))
         push, pushes = np.zeros(3), self._forces()
@@ -311,7 +357,9 @@ class LiveSession:
             command = self.controller.step(measured)
             elapsed = perf_counter_ns() - begin
             s.advance(command, pushes, steps=STEPS)
-        except Exception as error:  # one's own mistakes included: the log is kept, and the page says so
+        except (
+            Exception
+        ) as error:  # one's own mistakes included: the log is kept, and the page says so
             self.ending = f"controller failed: {reason(error)}"
             command, elapsed = self._nothing, perf_counter_ns() - begin
         self.last = tick = Tick(state, command, elapsed, push)
@@ -343,7 +391,9 @@ class LiveSession:
         self._pull, self._pull_until = np.zeros(3), 0.0
         self._make_sensors()
         self.last = Tick(s.state, self._nothing, 0, np.zeros(3))
-        self.controller: GaitController = cast(GaitController, SimpleNamespace(target=self.gait.target))
+        self.controller: GaitController = cast(
+            GaitController, SimpleNamespace(target=self.gait.target)
+        )
 
     def _make_controller(self, settings: LiveSettings) -> GaitController:
         """A controller that goes on with the present walk, its compiled code loaded."""
@@ -353,13 +403,21 @@ class LiveSession:
 
     def _controller_of(self, settings: LiveSettings, driven: DrivenGait) -> GaitController:
         chosen, gait = CONTROLLERS[settings.controller], OnTerrain(driven, self.plane)
-        given: dict[str, Any] = {"governor": chosen.governor, "period": PERIOD, "estimate_friction": settings.estimate}
+        given: dict[str, Any] = {
+            "governor": chosen.governor,
+            "period": PERIOD,
+            "estimate_friction": settings.estimate,
+        }
         return make_controller(chosen.name, gait, mu=settings.mu, **given)
 
     def _warm_up(self, names: Iterable[str]) -> None:
-        """Compile or load the code of controllers by a tick of each; all are made before, to compile side by side."""
+        """Compile or load the code of controllers by a tick of each; all are made before, to
+        compile side by side.
+        """
         made = []
-        for name in sorted(names, key=lambda name: CONTROLLERS[name].name != "governed"):  # these wait for nothing
+        for name in sorted(
+            names, key=lambda name: CONTROLLERS[name].name != "governed"
+        ):  # these wait for nothing
             settings = self.settings.changed({"controller": name})
             scratch = make_driven_gait(self.robot, settings)
             made.append((self._controller_of(settings, scratch), scratch))
@@ -370,7 +428,9 @@ class LiveSession:
             controller.step(State(0.0, q, v, feet, np.zeros_like(feet), np.zeros_like(feet)))
 
     def _take_over(self, controller: GaitController) -> None:
-        """Another controller from now on: its ticks are counted anew, and making it took no time."""
+        """Another controller from now on: its ticks are counted anew, and making it took no
+        time.
+        """
         controller.target._record_[:] = self.target._record_  # what feet do goes on
         self.controller = controller
         self.times = TickTimes()
@@ -395,16 +455,24 @@ class LiveSession:
     def _schedule_fits(self) -> bool:
         """Whether the gait walks in the schedule that is set."""
         desired = self.settings.schedule
-        return desired is None or isinstance(self.gait, CommandedGait) or self.gait.schedule == desired
+        return (
+            desired is None or isinstance(self.gait, CommandedGait) or self.gait.schedule == desired
+        )
 
     def _may_change_schedule(self) -> bool:
-        """Whether the robot stands, or steps in place with every foot on the ground: a gait begins from standing."""
+        """Whether the robot stands, or steps in place with every foot on the ground: a gait begins
+        from standing.
+        """
         gait = cast(WalkingGait, self.gait)
         always, swinging = bool(gait._record_["always"][0]), bool(gait._record_["in_air"].any())
-        return float(np.abs(gait.applied).max()) < SLOW and (not gait.walking or (always and not swinging))
+        return float(np.abs(gait.applied).max()) < SLOW and (
+            not gait.walking or (always and not swinging)
+        )
 
     def _make_sensors(self, *, goes_on: bool = False) -> None:
-        """Sensors as set, anew; none where they would measure the true state. The estimate may go on from the last."""
+        """Sensors as set, anew; none where they would measure the true state. The estimate may go
+        on from the last.
+        """
         s, seed, last = self.settings, self.walks, self._sensors if goes_on else None
         self._sensors, self._estimate = None, np.full(len(self.simulator.q), math.nan)
         if s.state == ESTIMATED:
@@ -412,18 +480,27 @@ class LiveSession:
             how: dict[str, Any] = {"level": level, "controller": self, "seed": seed}
             self._sensors = estimated_state(self.simulator, self.robot, Imu(), period=PERIOD, **how)
             if isinstance(last, EstimatedState):
-                self._sensors.estimator.reset(last.signals["estimated_q"], last.signals["estimated_v"])
+                self._sensors.estimator.reset(
+                    last.signals["estimated_q"], last.signals["estimated_v"]
+                )
             self._estimate = np.asarray(self._sensors.signals["estimated_q"])
         elif s.delay or s.noise:
             self._sensors = Sensors(self.robot, Noise.typical(s.noise), delay=s.delay, seed=seed)
 
     def _lay_ground(self, stiffness: float) -> None:
         s = self.settings
-        ground = Ground(mu_s=s.friction, stiffness=stiffness, friction_strips=s.friction_strips, terrain=self.plane)
+        ground = Ground(
+            mu_s=s.friction,
+            stiffness=stiffness,
+            friction_strips=s.friction_strips,
+            terrain=self.plane,
+        )
         self.simulator.change_ground(ground)
 
     def _follow_ground(self) -> None:
-        """The ground's stiffness and slope go to those that are set; it tilts about the place below the body."""
+        """The ground's stiffness and slope go to those that are set; it tilts about the place below
+        the body.
+        """
         now, desired = self.simulator.ground.stiffness, self.settings.stiffness
         plane, slope, span = self.plane, self.settings.slope, FOLLOWED * PERIOD
         if now == desired and plane.slope == slope:

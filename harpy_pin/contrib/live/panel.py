@@ -1,7 +1,8 @@
-"""The panels of the live page: what is set, what is done, and what it leads to in numbers and charts.
+"""The panels of the live page: what is set, what is done, and what it leads to in numbers and
+charts.
 
-A panel says what the driver wants, and shows how things stand. Where the session refuses something, or changes it by
-itself, the controls follow.
+A panel says what the driver wants, and shows how things stand. Where the session refuses something,
+or changes it by itself, the controls follow.
 """
 
 from __future__ import annotations
@@ -49,7 +50,9 @@ SPAN = 5.0
 """s."""
 HEIGHT = 150
 EDGES, DASH = ("#7fb8d8", "#eab48a"), (5.0, 4.0)
-"""Colours and dashes of the friction that there is under the feet; of more than two feet, the least."""
+"""Colours and dashes of the friction that there is under the feet; of more than two feet, the
+least.
+"""
 MIN_LOAD = 3.0
 """Normal force below which the ratio of a foot is not drawn, N."""
 Send = Callable[[str, Any], None]
@@ -67,7 +70,12 @@ class Panel:
     """
 
     def __init__(
-        self, gui: viser.GuiApi, robot: Robot, ranges: DriveRanges, settings: Mapping[str, Any], send: Send
+        self,
+        gui: viser.GuiApi,
+        robot: Robot,
+        ranges: DriveRanges,
+        settings: Mapping[str, Any],
+        send: Send,
     ) -> None:
         self._gui, self._send, self._ranges, self._feet = gui, send, ranges, WholeFeet(robot)
         self._settings = dict(settings)
@@ -76,13 +84,21 @@ class Panel:
         self._dragged: set[str] = set()
         self._lock = threading.Lock()
         self._power = np.zeros(2)
-        self._standing: dict[str, Any] = {"paused": False, "ending": "", "note": "", "refused": False, "busy": ""}
+        self._standing: dict[str, Any] = {
+            "paused": False,
+            "ending": "",
+            "note": "",
+            "refused": False,
+            "busy": "",
+        }
         gui.set_panel_label("harpy live")
         gui.configure_theme(show_logo=False, show_share_button=False, control_width="medium")
         self._status = gui.add_markdown("starting…")
         tabs, kinds = gui.add_tab_group(), ("Drive", "Ground", "Control", "Push")
         for kind, add in zip(
-            kinds, (self._add_drive, self._add_ground, self._add_control, self._add_push), strict=True
+            kinds,
+            (self._add_drive, self._add_ground, self._add_control, self._add_push),
+            strict=True,
         ):
             with tabs.add_tab(kind):
                 add(gui)
@@ -140,19 +156,35 @@ class Panel:
             ("Falls", f"{int(s['falls'])}"),
             ("Applied", f"{v[0]:.2f}, {v[1]:.2f} m/s, {v[2]:.2f} rad/s"),
             ("Slip", f"{1e3 * float(np.sum(s['slip_path'])):.1f} mm"),
-            ("Power", f"{joints:.0f} W joints" + (f", {thrusters:.0f} W thrusters" if len(s["thrust"]) else "")),
+            (
+                "Power",
+                f"{joints:.0f} W joints"
+                + (f", {thrusters:.0f} W thrusters" if len(s["thrust"]) else ""),
+            ),
             ("Friction used", " · ".join(f"{100.0 * share:.0f} %" for share in used)),
-            ("Assumed μ", " · ".join(f"{value:.2f}" for value in self._feet.least(s["friction_estimate"]))),
+            (
+                "Assumed μ",
+                " · ".join(f"{value:.2f}" for value in self._feet.least(s["friction_estimate"])),
+            ),
             *((("Estimate", f"{1e3 * drift:.0f} mm off"),) if np.isfinite(drift) else ()),
             ("Tick", f"p50 {float(s['p50']):.0f}, p99 {float(s['p99']):.0f} µs"),
-            ("Real time", f"{s['factor']:.2f} ×" + (f", {float(s['lost']):.1f} s lost" if s["lost"] > 0.05 else "")),
+            (
+                "Real time",
+                f"{s['factor']:.2f} ×"
+                + (f", {float(s['lost']):.1f} s lost" if s["lost"] > 0.05 else ""),
+            ),
         )
-        _say(self._numbers, "| | |\n|:--|:--|\n" + "\n".join(f"| {name} | {value} |" for name, value in rows))
+        _say(
+            self._numbers,
+            "| | |\n|:--|:--|\n" + "\n".join(f"| {name} | {value} |" for name, value in rows),
+        )
 
     def _add_drive(self, gui: viser.GuiApi) -> None:
         ranges = self._ranges
         if ranges.schedules:
-            schedule = gui.add_button_group("Schedule", ranges.schedules, hint="Keys 1, 2, … It stops to change.")
+            schedule = gui.add_button_group(
+                "Schedule", ranges.schedules, hint="Keys 1, 2, … It stops to change."
+            )
             schedule.on_click(lambda event: self._send("change", {"schedule": event.target.value}))
         turn_hint = None if ranges.schedules else "The joint PIDs face x: they do not turn."
         scales_down = "The gait scales down what its legs cannot do."
@@ -160,54 +192,100 @@ class Panel:
         self._slider("sideways", "Left, m/s", -ranges.sideways, ranges.sideways, 0.05)
         self._slider("turning", "Turn left, rad/s", -ranges.turning, ranges.turning, 0.1, turn_hint)
         if ranges.height is not None:
-            self._slider("height", "Height, m", *ranges.height, 0.01, "Change of the body's height.")
+            self._slider(
+                "height", "Height, m", *ranges.height, 0.01, "Change of the body's height."
+            )
         self._pause = gui.add_button("Pause", hint="Key P")
         self._pause.on_click(lambda _: self._toggle())
         walk = gui.add_button_group("Walk", ("Stop", "Reset"), hint="Keys X and R")
-        walk.on_click(lambda event: self._stop() if event.target.value == "Stop" else self._send("reset", None))
+        walk.on_click(
+            lambda event: (
+                self._stop() if event.target.value == "Stop" else self._send("reset", None)
+            )
+        )
         step = gui.add_button_group("Step", tuple(STEPS))
         step.on_click(lambda event: self._send("step", STEPS[event.target.value]))
         self._choice("pace", "Pace", PACES)
-        self._follows = gui.add_checkbox("Camera follows", True, hint="Without, the keys that drive move it, too.")
+        self._follows = gui.add_checkbox(
+            "Camera follows", True, hint="Without, the keys that drive move it, too."
+        )
 
     def _add_ground(self, gui: viser.GuiApi) -> None:
-        self._slider("friction", "Friction", MIN_FRICTION, MAX_FRICTION, 0.01, "Static; sliding friction is 0.9 of it.")
+        self._slider(
+            "friction",
+            "Friction",
+            MIN_FRICTION,
+            MAX_FRICTION,
+            0.01,
+            "Static; sliding friction is 0.9 of it.",
+        )
         softest, hardest = (round(1e-3 * end, 1) for end in self._ranges.stiffness)
         gently = "It changes by a factor of e in 0.25 s: at once, it would throw the robot."
         step = 0.1 if softest < 2.0 else 1.0
         self._slider("stiffness", "Stiffness, kN/m", softest, hardest, step, gently, unit=1e3)
         steepest = math.floor(math.degrees(MAX_SLOPE))
-        self._slider("slope", "Slope, °", -steepest, steepest, 1, "It tilts by 6° in a second.", unit=math.radians(1.0))
+        self._slider(
+            "slope",
+            "Slope, °",
+            -steepest,
+            steepest,
+            1,
+            "It tilts by 6° in a second.",
+            unit=math.radians(1.0),
+        )
         self._strip = gui.add_slider("Friction of strip", 0.02, 0.5, 0.01, 0.1)
         ahead = gui.add_button("Friction strip ahead", hint="I: 0.6 m along x, across the way")
         ahead.on_click(lambda _: self._lay_strip())
-        gui.add_button("No friction strip").on_click(lambda _: self._send("change", {"friction_strips": ()}))
+        gui.add_button("No friction strip").on_click(
+            lambda _: self._send("change", {"friction_strips": ()})
+        )
 
     def _add_control(self, gui: viser.GuiApi) -> None:
-        self._choice("controller", "Controller", {CONTROLLERS[name].label: name for name in self._ranges.controllers})
+        self._choice(
+            "controller",
+            "Controller",
+            {CONTROLLERS[name].label: name for name in self._ranges.controllers},
+        )
         known, friction = self._settings["assumed"] is None, self._settings["friction"]
-        self._knows = gui.add_checkbox("Knows the friction", True, hint="Of the ground, not of the strip.")
-        self._assumed = gui.add_slider("Assumes", MIN_FRICTION, MAX_FRICTION, 0.01, friction, disabled=known)
+        self._knows = gui.add_checkbox(
+            "Knows the friction", True, hint="Of the ground, not of the strip."
+        )
+        self._assumed = gui.add_slider(
+            "Assumes", MIN_FRICTION, MAX_FRICTION, 0.01, friction, disabled=known
+        )
         self._knows.on_update(self._on_assumed)
         self._assumed.on_update(self._on_assumed)
-        estimate = gui.add_checkbox("Estimates friction", False, hint="From measured forces and slip.")
+        estimate = gui.add_checkbox(
+            "Estimates friction", False, hint="From measured forces and slip."
+        )
         self._bind("estimate", estimate, bool, bool)
-        sensed = gui.add_checkbox("Knows only its sensors", False, hint="Inertial unit, encoders, motor torques.")
-        self._bind("state", sensed, lambda state: bool(state == ESTIMATED), lambda on: ESTIMATED if on else TRUE)
+        sensed = gui.add_checkbox(
+            "Knows only its sensors", False, hint="Inertial unit, encoders, motor torques."
+        )
+        self._bind(
+            "state",
+            sensed,
+            lambda state: bool(state == ESTIMATED),
+            lambda on: ESTIMATED if on else TRUE,
+        )
         self._slider("delay", "Delay, ms", 0, 10, 1, "Of the measurements.")
         self._slider("noise", "Noise", 0.0, 3.0, 0.1, "As a multiple of typical noise.")
 
     def _add_push(self, gui: viser.GuiApi) -> None:
         gui.add_markdown("Drag the robot to pull it, or push it:")
         share = self._ranges.impulse / 30.0
-        self._impulse = gui.add_slider("Impulse, N·s", share, round(20.0 * share, 1), 0.5 * share, 5.0 * share)
+        self._impulse = gui.add_slider(
+            "Impulse, N·s", share, round(20.0 * share, 1), 0.5 * share, 5.0 * share
+        )
         group = gui.add_button_group("Push", tuple(DIRECTIONS))
         group.on_click(lambda event: self._push(event.target.value))
 
     def _add_keys(self, gui: viser.GuiApi) -> None:
         """Keys, which the command palette lists too."""
         actions: list[tuple[str, str, Callable[[], None]]] = [
-            (key, label, partial(self._nudge, name, change)) for keys, label, name, change in KEYS for key in keys
+            (key, label, partial(self._nudge, name, change))
+            for keys, label, name, change in KEYS
+            for key in keys
         ]
         actions += [
             ("X", "Stop", self._stop),
@@ -220,27 +298,44 @@ class Panel:
         ]
         for number, schedule in enumerate(self._ranges.schedules):
             wish = {"schedule": schedule}
-            actions.append((str(number + 1), schedule.capitalize(), partial(self._send, "change", wish)))
+            actions.append(
+                (str(number + 1), schedule.capitalize(), partial(self._send, "change", wish))
+            )
         for key, label, act in actions:
             gui.add_command(label, hotkey=key).on_trigger(lambda _, act=act: act())  # type: ignore[misc, arg-type]
 
     def _slider(
-        self, name: str, label: str, low: float, high: float, step: float, hint: str | None = None, unit: float = 1
+        self,
+        name: str,
+        label: str,
+        low: float,
+        high: float,
+        step: float,
+        hint: str | None = None,
+        unit: float = 1,
     ) -> None:
-        """A slider of a setting, which it shows in a unit; one whose step is whole shows whole numbers."""
+        """A slider of a setting, which it shows in a unit; one whose step is whole shows whole
+        numbers.
+        """
 
         def shown(value: float) -> float:
             return round(value / unit) if isinstance(step, int) else value / unit
 
-        handle = self._gui.add_slider(label, low, high, step, shown(self._settings[name]), hint=hint)
+        handle = self._gui.add_slider(
+            label, low, high, step, shown(self._settings[name]), hint=hint
+        )
         self._bind(name, handle, shown, lambda value: unit * value)
 
     def _choice(self, name: str, label: str, values: Mapping[str, Any]) -> None:
         by_value = {value: text for text, value in values.items()}
-        handle = self._gui.add_dropdown(label, tuple(values), initial_value=by_value.get(self._settings[name]))
+        handle = self._gui.add_dropdown(
+            label, tuple(values), initial_value=by_value.get(self._settings[name])
+        )
         self._bind(name, handle, by_value.get, values.__getitem__)
 
-    def _bind(self, name: str, handle: Any, shown: Callable[[Any], Any], read: Callable[[Any], Any]) -> None:
+    def _bind(
+        self, name: str, handle: Any, shown: Callable[[Any], Any], read: Callable[[Any], Any]
+    ) -> None:
         """What a driver changes in a control is sent; what we change is not."""
         self._handles[name], self._shown[name] = handle, shown
 
@@ -253,7 +348,9 @@ class Panel:
 
     def _on_assumed(self, event: Any) -> None:
         if event.client is not None:
-            self._send("change", {"assumed": None if self._knows.value else float(self._assumed.value)})
+            self._send(
+                "change", {"assumed": None if self._knows.value else float(self._assumed.value)}
+            )
 
     def _nudge(self, name: str, change: float) -> None:
         handle = self._handles[name]
@@ -320,17 +417,28 @@ class Charts:
         names = feet.names
         self._feet, self._edges = len(names), len(names) if len(names) <= len(EDGES) else 1
         style = {"width": 1.5, "points": {"show": False}}
-        edge_names = [f"μ, {name.partition('_')[0]}" for name in names] if self._edges > 1 else ["μ"]
-        edges: Any = [{"label": n, "stroke": EDGES[k], "dash": DASH, **style} for k, n in enumerate(edge_names)]
+        edge_names = (
+            [f"μ, {name.partition('_')[0]}" for name in names] if self._edges > 1 else ["μ"]
+        )
+        edges: Any = [
+            {"label": n, "stroke": EDGES[k], "dash": DASH, **style}
+            for k, n in enumerate(edge_names)
+        ]
         lines: Any = [
-            {"label": name.replace("_", " "), "stroke": FEET[k % len(FEET)], **style} for k, name in enumerate(names)
+            {"label": name.replace("_", " "), "stroke": FEET[k % len(FEET)], **style}
+            for k, name in enumerate(names)
         ]
         self._ratio = self._chart(gui, "Tangential / normal force", (*lines, *edges))
         self._load = self._chart(gui, "Normal force, N", tuple(lines))
 
     def _chart(self, gui: viser.GuiApi, title: str, series: tuple[uplot.Series, ...]) -> Any:
         empty = np.zeros(2)
-        axis = uplot.Axis(stroke="#5b6573", font="11px sans-serif", size=30, grid={"stroke": "#e3e7ec", "width": 1})
+        axis = uplot.Axis(
+            stroke="#5b6573",
+            font="11px sans-serif",
+            size=30,
+            grid={"stroke": "#e3e7ec", "width": 1},
+        )
         return gui.add_uplot(
             (np.array([-SPAN, 0.0]), *(empty for _ in series)),
             (uplot.Series(label="s"), *series),
@@ -347,7 +455,10 @@ class Charts:
         for s in snapshots:
             if self._rows and s["t"] == self._rows[-1][0]:
                 continue
-            force, friction = self._whole.force(s["contact_force"]), self._whole.least(s["foot_friction"])
+            force, friction = (
+                self._whole.force(s["contact_force"]),
+                self._whole.least(s["foot_friction"]),
+            )
             if self._edges == 1:
                 friction = friction.min(keepdims=True)
             normal = np.maximum(force[:, 2], 0.0)
@@ -364,7 +475,9 @@ class Charts:
         table = table[table[:, 0] >= -SPAN]
         first = 1 + self._feet + self._edges  # of the columns of normal forces
         self._ratio.data = tuple(np.ascontiguousarray(column) for column in table[:, :first].T)
-        self._load.data = tuple(np.ascontiguousarray(table[:, n]) for n in (0, *range(first, first + self._feet)))
+        self._load.data = tuple(
+            np.ascontiguousarray(table[:, n]) for n in (0, *range(first, first + self._feet))
+        )
 
 
 class WholeFeet:

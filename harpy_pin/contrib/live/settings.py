@@ -25,7 +25,9 @@ DrivenGait: TypeAlias = CommandedGait | WalkingGait
 SOFTEST, HARDEST = 2e3, 2e5
 """Ends of the ground's stiffness, N/m, between which Harpy's gait is in the legs' reach."""
 MAX_SPEED, MAX_SLOPE = 3.0, 0.35
-"""Ends of the commanded velocity, m/s, of which the gait scales down what its legs cannot do, and of the slope, rad."""
+"""Ends of the commanded velocity, m/s, of which the gait scales down what its legs cannot do, and
+of the slope, rad.
+"""
 MIN_FRICTION, MAX_FRICTION = 0.02, 1.0
 ENDS: Mapping[str, tuple[float, float]] = {
     "forward": (-MAX_SPEED, MAX_SPEED),
@@ -33,12 +35,17 @@ ENDS: Mapping[str, tuple[float, float]] = {
     "turning": (-2.0, 2.0),
     "height": (-0.5, 0.5),
     "friction": (MIN_FRICTION, MAX_FRICTION),
-    "stiffness": (0.01 * SOFTEST, 100.0 * HARDEST),  # of robots from a hundredth to a hundred times Harpy's weight
+    "stiffness": (
+        0.01 * SOFTEST,
+        100.0 * HARDEST,
+    ),  # of robots from a hundredth to a hundred times Harpy's weight
     "slope": (-MAX_SLOPE, MAX_SLOPE),
     "noise": (0.0, 10.0),
     "pace": (0.01, 1.0),
 }
-"""Least and largest value of settings, in their units; those of a robot (:class:`DriveRanges`) lie between them."""
+"""Least and largest value of settings, in their units; those of a robot (:class:`DriveRanges`) lie
+between them.
+"""
 MAX_DELAY = 20
 """Largest delay of the measurements, ms."""
 
@@ -53,17 +60,21 @@ class LiveSettings:
         sideways: to the left, m/s.
         turning: to the left, rad/s.
         height: change of the body's height, m; of robots other than Harpy.
-        schedule: contact schedule of robots other than Harpy, see :class:`harpy_pin.gaits.WalkingGait`; by default
-            the gait's own.
+        schedule: contact schedule of robots other than Harpy, see
+            :class:`harpy_pin.gaits.WalkingGait`; by default the gait's own.
         friction: static coefficient of the ground.
-        friction_strips: strips of ground with another friction, see :class:`harpy_pin.ground.ground.Ground`.
+        friction_strips: strips of ground with another friction, see
+            :class:`harpy_pin.ground.ground.Ground`.
         stiffness: of the ground, N/m.
         slope: angle by which the ground rises along x, rad.
-        assumed: friction that the controller assumes; that of the ground outside the strips by default.
+        assumed: friction that the controller assumes; that of the ground outside the strips by
+            default.
         estimate: whether the controller estimates the friction as it goes.
-        state: what the controller knows: ``true``, or ``estimated`` from the usual sensors (:class:`harpy_pin.Imu`).
+        state: what the controller knows: ``true``, or ``estimated`` from the usual sensors
+            (:class:`harpy_pin.Imu`).
         delay: age of the measurements, ms.
-        noise: of the measurements, as a multiple of typical noise (:meth:`harpy_pin.simulation.sensors.Noise.typical`).
+        noise: of the measurements, as a multiple of typical noise
+            (:meth:`harpy_pin.simulation.sensors.Noise.typical`).
         pace: simulated time per time of the clock, at most 1.
 
     Raises:
@@ -90,21 +101,33 @@ class LiveSettings:
     def __post_init__(self) -> None:
         checks.one_of("controller", self.controller, CONTROLLERS)
         for name, (low, high) in ENDS.items():
-            checks.keep(self, **{name: checks.number(name, getattr(self, name), low=low, high=high)})
+            checks.keep(
+                self, **{name: checks.number(name, getattr(self, name), low=low, high=high)}
+            )
         if self.schedule is not None:
             checks.one_of("schedule", self.schedule, SCHEDULES)
-        checks.keep(self, friction_strips=Ground(friction_strips=self.friction_strips).friction_strips)
+        checks.keep(
+            self, friction_strips=Ground(friction_strips=self.friction_strips).friction_strips
+        )
         if self.assumed is not None:
-            assumed = checks.number("assumed friction", self.assumed, low=0.0, high=checks.MAX_FRICTION)
+            assumed = checks.number(
+                "assumed friction", self.assumed, low=0.0, high=checks.MAX_FRICTION
+            )
             checks.keep(self, assumed=assumed)
         if not isinstance(self.estimate, bool):
-            raise InputError(f"estimate must be true or false, got {self.estimate!r:.60}", name="estimate")
+            raise InputError(
+                f"estimate must be true or false, got {self.estimate!r:.60}", name="estimate"
+            )
         if self.estimate and self.controller == "none":
-            raise InputError("without a governor nothing takes an estimate of the friction", name="estimate")
+            raise InputError(
+                "without a governor nothing takes an estimate of the friction", name="estimate"
+            )
         checks.keep(self, delay=checks.whole("delay in ms", self.delay, high=MAX_DELAY))
         checks.one_of("state", self.state, (TRUE, ESTIMATED))
         if self.state == ESTIMATED and (self.noise or self.delay):
-            message = "the sensors of the estimate have noise of their own: set noise and delay to 0"
+            message = (
+                "the sensors of the estimate have noise of their own: set noise and delay to 0"
+            )
             raise InputError(message, name="state", value=self.state)
 
     @property
@@ -124,7 +147,9 @@ class LiveSettings:
             InputError: no mapping, an unknown name, or a value out of its domain.
         """
         if not isinstance(changes, Mapping):
-            raise InputError(f"changes must be a mapping, got {changes!r:.60}", name="changes", value=changes)
+            raise InputError(
+                f"changes must be a mapping, got {changes!r:.60}", name="changes", value=changes
+            )
         valid = [entry.name for entry in fields(self)]
         for name in changes:
             checks.one_of("setting", name, valid)
@@ -171,7 +196,9 @@ class DriveRanges:
         if is_harpy(robot):
             return cls()
         gait = WalkingGait(robot)
-        forward, sideways = (min(np.floor(20.0 * v) / 20.0, MAX_SPEED) for v in (gait.max_speed, gait.max_aside))
+        forward, sideways = (
+            min(np.floor(20.0 * v) / 20.0, MAX_SPEED) for v in (gait.max_speed, gait.max_aside)
+        )
         low, high = (round(float(end), 2) for end in gait._record_["height_range"][0])
         usual = walking_stiffness(robot)
         share = max(robot.mass / 4.0, 1.0)  # beside the mass of Harpy, kg
@@ -192,7 +219,9 @@ class DriveRanges:
     def check(self, settings: LiveSettings) -> None:
         """Raise an :class:`InputError` for settings that the robot does not have."""
         checks.one_of("controller of this robot", settings.controller, self.controllers)
-        checks.number("stiffness", settings.stiffness, low=self.stiffness[0], high=self.stiffness[1])
+        checks.number(
+            "stiffness", settings.stiffness, low=self.stiffness[0], high=self.stiffness[1]
+        )
         if settings.schedule is not None:
             if not self.schedules:
                 raise InputError("Harpy's gait has no contact schedule to choose", name="schedule")
@@ -219,7 +248,9 @@ def usual_settings(robot: Robot) -> LiveSettings:
 
 
 def make_driven_gait(robot: Robot, settings: LiveSettings) -> DrivenGait:
-    """The gait of a robot that is driven, at rest, for the stiffness of the ground and the schedule that are set."""
+    """The gait of a robot that is driven, at rest, for the stiffness of the ground and the schedule
+    that are set.
+    """
     if is_harpy(robot):
         return make_commanded_gait(robot, stiffness=settings.stiffness)
     return WalkingGait(robot, settings.schedule)

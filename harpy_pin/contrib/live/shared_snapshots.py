@@ -1,4 +1,6 @@
-"""Snapshots of a session in memory that two processes share: the writer never waits for a reader."""
+"""Snapshots of a session in memory that two processes share: the writer never waits for a
+reader.
+"""
 
 from __future__ import annotations
 
@@ -21,8 +23,8 @@ PLACES = 256
 class SharedSnapshots:
     """A ring of snapshots with one writer; it may be handed to a process that is being started.
 
-    A reader that is more than a ring late misses snapshots. One that reads while the oldest is overwritten throws it
-    away: the count is looked at before and after.
+    A reader that is more than a ring late misses snapshots. One that reads while the oldest is
+    overwritten throws it away: the count is looked at before and after.
 
     Args:
         context: of the processes.
@@ -64,13 +66,18 @@ class SharedSnapshots:
 def power_of(tick: Tick) -> Vector:
     """(2,) of a tick: of the joints without braking, and of the thrusters at 1 kW for 18 N, W."""
     joints = np.maximum(tick.command.torque * tick.state.v[6:], 0.0).sum()
-    return np.array((joints, PRESETS["fan"].electrical(np.linalg.norm(tick.command.thrust, axis=1)).sum()))
+    return np.array(
+        (joints, PRESETS["fan"].electrical(np.linalg.norm(tick.command.thrust, axis=1)).sum())
+    )
 
 
 def _snapshot(session: LiveSession) -> dict[str, ArrayLike]:
     """What is logged, and what only the page shows."""
     state, times, pacer = session.last.state, session.times, session.pacer
-    about = (about_normals(session.plane, state.foot_position, v) for v in (state.foot_force, state.foot_velocity))
+    about = (
+        about_normals(session.plane, state.foot_position, v)
+        for v in (state.foot_force, state.foot_velocity)
+    )
     return {
         **session.signals,
         **dict(zip(("contact_force", "contact_velocity"), about, strict=True)),

@@ -29,7 +29,9 @@ class TickTimes:
         self.longest = max(self.longest, elapsed)
 
     def percentile(self, percent: float) -> float:
-        """Time that a share of the ticks did not exceed, µs: the middle of its bin; NaN without ticks."""
+        """Time that a share of the ticks did not exceed, µs: the middle of its bin; NaN without
+        ticks.
+        """
         if not self.count:
             return math.nan
         number = int(np.searchsorted(np.cumsum(self._bins), max(percent / 100.0 * self.count, 1.0)))
@@ -39,15 +41,16 @@ class TickTimes:
 class RealTimePacer:
     """How many ticks are due by the clock.
 
-    Where ticks take longer than they may, at most ``most_late`` is made up for; the rest is lost, and the walk runs
-    slower than it should.
+    Where ticks take longer than they may, at most ``most_late`` is made up for; the rest is lost,
+    and the walk runs slower than it should.
 
     Args:
         period: of a tick, s of simulated time.
         most_late: s of the clock.
 
     Attributes:
-        factor: simulated time per time that it should have taken, over the last second: 1 where the walk keeps up.
+        factor: simulated time per time that it should have taken, over the last second: 1 where the
+            walk keeps up.
         lost: time of the clock that was not made up for, s.
     """
 
@@ -61,7 +64,9 @@ class RealTimePacer:
         self._due = None
 
     def is_due(self, now: float, pace: float) -> bool:
-        """Whether a tick is due now (s), at a pace (simulated time per time of the clock); if so it is counted."""
+        """Whether a tick is due now (s), at a pace (simulated time per time of the clock); if so it
+        is counted.
+        """
         if self._due is None:
             self._due = self._window = now
             self._done = 0

@@ -1,4 +1,6 @@
-"""The acceleration of the centre of mass that the stance feet can give, and the targets of body and feet."""
+"""The acceleration of the centre of mass that the stance feet can give, and the targets of body and
+feet.
+"""
 
 from __future__ import annotations
 
@@ -31,24 +33,31 @@ CYCLE_GAIN = 1.0
 MAX_DEMAND = 3.0
 """Largest acceleration that velocity and place ask for, m/s²."""
 FIRST_LOAD, LAST_LOAD, LEAST_LOAD = 0.07, 0.01, 0.05
-"""Share of its largest normal force up to which a foot may be loaded that has just landed, and that is about to be
-lifted, in trots and paces; and both in other walks."""
+"""Share of its largest normal force up to which a foot may be loaded that has just landed, and that
+is about to be lifted, in trots and paces; and both in other walks.
+"""
 SOLE_MARGIN, LEAST_MARGIN, MARGIN_GAIN = 0.3, 0.05, 2.0
-"""Share of a sole, from its edge to its middle, where the centre of pressure does not go; of a robot that has been
-pushed; and how fast it falls from one to the other with the distance from where it should be, over the height."""
+"""Share of a sole, from its edge to its middle, where the centre of pressure does not go; of a
+robot that has been pushed; and how fast it falls from one to the other with the distance from where
+it should be, over the height.
+"""
 BEYOND, MOST_BEYOND = 0.5, 0.5
-"""Share of what a centre of pressure beyond the soles would push more that is demanded too, and the farthest such
-point, in heights of the body: the turning of body, torso and arms pays for it."""
+"""Share of what a centre of pressure beyond the soles would push more that is demanded too, and the
+farthest such point, in heights of the body: the turning of body, torso and arms pays for it.
+"""
 AHEAD, LOW_RATE = 0.1, 20.0
-"""How far ahead legs on soles must not be stretched, s, and the rate at which the body goes down where one would be,
-1/s."""
+"""How far ahead legs on soles must not be stretched, s, and the rate at which the body goes down
+where one would be, 1/s.
+"""
 
 
 @kernel
 def demand_acceleration(p: WalkingRecord) -> None:
-    """Centre of pressure and acceleration: what velocity and place ask for, as far as the feet can give it.
+    """Centre of pressure and acceleration: what velocity and place ask for, as far as the feet can
+    give it.
 
-    On two points the centre of pressure is on the line between them: across it the robot is a pendulum.
+    On two points the centre of pressure is on the line between them: across it the robot is a
+    pendulum.
     """
     m, feet, square = p.measured, p.measured.place.shape[0], p.omega * p.omega
     a = VELOCITY_GAIN * p.omega * (p.desired - m.drift) + rotation_in_plane(p.path[2]) @ p.rate[:2]
@@ -69,7 +78,9 @@ def demand_acceleration(p: WalkingRecord) -> None:
         reached[:] = nearest_in_hull(stance, count, *wanted)
         beyond = np.hypot(*(reached - wanted)) / p.height
         if p.soles and beyond > 0.0:
-            count = stance_points(p, -1, max(SOLE_MARGIN - MARGIN_GAIN * beyond, LEAST_MARGIN), stance)
+            count = stance_points(
+                p, -1, max(SOLE_MARGIN - MARGIN_GAIN * beyond, LEAST_MARGIN), stance
+            )
             reached[:] = nearest_in_hull(stance, count, *wanted)
     share, beyond = 0.0, np.hypot(*(reached - wanted))
     if p.soles and p.walking and beyond > 0.0:
@@ -81,10 +92,11 @@ def demand_acceleration(p: WalkingRecord) -> None:
 def _along_cycle(p: WalkingRecord, pressure: Vector) -> Vector:
     """Centre of pressure that brings the divergent component ξ to its way in an endless walk.
 
-    Over a step ξ runs away from the middle s of the stance feet, ξ(t) = s + b exp(ω t), with b as in
-    :mod:`harpy_pin.gaits.walking.pendulum`. The centre of pressure that holds it there is s + (1 + k) (ξ − ξ(t)).
-    Between soles s goes from one to the other while both are down.
-    Along the line between two point feet the one that the velocity asks for, ``pressure``, has the say.
+    Over a step ξ runs away from the middle s of the stance feet, ξ(t) = s + b exp(ω t), with b as
+    in :mod:`harpy_pin.gaits.walking.pendulum`. The centre of pressure that holds it there is s + (1
+    + k) (ξ − ξ(t)). Between soles s goes from one to the other while both are down.
+    Along the line between two point feet the one that the velocity asks for, ``pressure``, has the
+    say.
     """
     m, g = p.measured, (p.swings + 1) % 2
     jump = rotation_in_plane(p.path[2]) @ (p.middle[p.swings] - p.middle[g])
@@ -126,11 +138,15 @@ def write_targets(p: WalkingRecord, o: GaitTargetRecord) -> None:
     m = p.measured
     o.body[:6] = m.body
     height = p.height + p.raised + mean_felt(p)
-    o.body[8] = HEIGHT_GAINS[0] * (height - m.body[2]) + HEIGHT_GAINS[1] * (p.velocity[3] - m.body[5])
+    o.body[8] = HEIGHT_GAINS[0] * (height - m.body[2]) + HEIGHT_GAINS[1] * (
+        p.velocity[3] - m.body[5]
+    )
     if p.soles:
         stretched = _stretched_height(p)
         if stretched < height:
-            o.body[8] = min(o.body[8], LOW_RATE * (LOW_RATE * (stretched - m.body[2]) - 2.0 * m.body[5]))
+            o.body[8] = min(
+                o.body[8], LOW_RATE * (LOW_RATE * (stretched - m.body[2]) - 2.0 * m.body[5])
+            )
     o.heading[:] = p.path[2] - p.facing, p.velocity[2], p.rate[2]
     if not p.holds_heading:
         o.heading[1:] = 0.0
@@ -165,12 +181,14 @@ def mean_felt(p: WalkingRecord) -> float:
 
 @kernel
 def _body_acceleration(p: WalkingRecord) -> Vector:
-    """Horizontal acceleration of the body with which the pendulum's is the one that is demanded, m/s².
+    """Horizontal acceleration of the body with which the pendulum's is the one that is demanded,
+    m/s².
 
-    Feet that are swung forward push the body back. A body that gives way needs little friction: by as much as keeps the
-    momentum along the line of two stance feet, which hold the body upright there by how they share the load; elsewhere
-    the angular momentum about the ground. With the reactions R_k of the feet in the air, of accelerations f_k, it is
-    a = (1 − Σ R_k)⁻¹ (demand − Σ R_k f_k), in the axes of the heading. A robot with two feet does not give way.
+    Feet that are swung forward push the body back. A body that gives way needs little friction: by
+    as much as keeps the momentum along the line of two stance feet, which hold the body upright
+    there by how they share the load; elsewhere the angular momentum about the ground. With the
+    reactions R_k of the feet in the air, of accelerations f_k, it is a = (1 − Σ R_k)⁻¹ (demand − Σ
+    R_k f_k), in the axes of the heading. A robot with two feet does not give way.
     """
     axes = rotation_in_plane(p.path[2])
     rest, whole, line = axes.T @ p.demand, np.eye(2), axes.T @ p.measured.line
@@ -180,7 +198,9 @@ def _body_acceleration(p: WalkingRecord) -> Vector:
             rest -= reaction @ np.array([*(axes.T @ p.held[k, :2]), p.held[k, 3]])
             whole -= reaction[:, :2]
     (a, b), (c, d) = whole[0], whole[1]
-    body: Vector = axes @ np.array([d * rest[0] - b * rest[1], a * rest[1] - c * rest[0]]) / (a * d - b * c)
+    body: Vector = (
+        axes @ np.array([d * rest[0] - b * rest[1], a * rest[1] - c * rest[0]]) / (a * d - b * c)
+    )
     return body
 
 
@@ -188,23 +208,32 @@ def _body_acceleration(p: WalkingRecord) -> Vector:
 def _write_swing(p: WalkingRecord, o: GaitTargetRecord, n: int) -> None:
     """A contact point of a swing foot."""
     k = p.foot[n]
-    (x, y), turn, bend = rotation_in_plane(p.swing[k, 0, 2]) @ p.corner[n], p.swing[k, 1, 2], p.held[k, 2]
+    (x, y), turn, bend = (
+        rotation_in_plane(p.swing[k, 0, 2]) @ p.corner[n],
+        p.swing[k, 1, 2],
+        p.held[k, 2],
+    )
     arm, across = np.array([x, y, 0.0]), np.array([-y, x, 0.0])
     o.foot_position[n] = np.array([*p.swing[k, 0, :2], p.lift[k, 0]]) + arm
     o.foot_velocity[n] = np.array([*p.swing[k, 1, :2], p.lift[k, 1]]) + turn * across
-    o.foot_acceleration[n] = np.array([*p.held[k, :2], p.held[k, 3]]) + bend * across - turn * turn * arm
+    o.foot_acceleration[n] = (
+        np.array([*p.held[k, :2], p.held[k, 3]]) + bend * across - turn * turn * arm
+    )
     tip(p, o, n, p.swing[k, 0, 2])
     o.foot_position[n] -= o.body[:3]
     o.foot_velocity[n] -= o.body[3:6]
     o.foot_acceleration[n] -= o.body[6:]
     done = (p.phase - p.double_support) / (1.0 - p.double_support)
-    # From the middle of its swing on, whole-body controllers hold a loaded foot; here the gait says when it has landed.
+    # From the middle of its swing on, whole-body controllers hold a loaded foot; here the gait says
+    # when it has landed.
     o.stance[n], o.phase[n] = 0.0, min(max(done, 0.0), 0.5)
 
 
 @kernel
 def _write_stance(p: WalkingRecord, o: GaitTargetRecord, n: int) -> None:
-    """A contact point of a stance foot: where it is; one that does not touch the ground is let down."""
+    """A contact point of a stance foot: where it is; one that does not touch the ground is let
+    down.
+    """
     m, k = p.measured, p.foot[n]
     o.foot_position[n] = m.point[n] - o.body[:3]
     o.foot_velocity[n] = -o.body[3:6]
@@ -220,7 +249,8 @@ def _write_stance(p: WalkingRecord, o: GaitTargetRecord, n: int) -> None:
 def _share_of_load(p: WalkingRecord, k: int) -> float:
     """Share of its largest normal force up to which a foot may be loaded.
 
-    It rises from its touchdown on, and falls before it is lifted, each over the time in which every foot is down.
+    It rises from its touchdown on, and falls before it is lifted, each over the time in which every
+    foot is down.
     """
     if not p.walking:
         return 1.0

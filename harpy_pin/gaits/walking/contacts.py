@@ -1,4 +1,6 @@
-"""When feet are lifted and when they have landed: by the clock of the schedule, and by the measured forces."""
+"""When feet are lifted and when they have landed: by the clock of the schedule, and by the measured
+forces.
+"""
 
 from __future__ import annotations
 
@@ -17,32 +19,51 @@ from harpy_pin.model.vectors import rotation_in_plane
 EARLIEST = 0.6
 """Share of its swing from which on a foot that is loaded has landed."""
 BLOCKED, RESTS = 0.005, 0.3
-"""How far above where it should be a late foot is, as a share of the body's height, and its load, as a share of that
-from which on a foot touches, that together say that it rests on the ground. A foot that comes down slowly pushes hardly
-more than that."""
+"""How far above where it should be a late foot is, as a share of the body's height, and its load,
+as a share of that from which on a foot touches, that together say that it rests on the ground. A
+foot that comes down slowly pushes hardly more than that.
+"""
 LONGEST_WAIT, ON_TERRAIN = 0.5, 1.0
-"""How long the next step waits for a foot that has not landed, as a share of a step, and on ground that is not flat."""
+"""How long the next step waits for a foot that has not landed, as a share of a step, and on ground
+that is not flat.
+"""
 MOST_HASTE, SOLE_HASTE, HALVINGS = 2.0, 1.6, 6
-"""How much faster than its clock a step goes on at most, on points and on soles, and halvings of the range of the time
-that is left."""
+"""How much faster than its clock a step goes on at most, on points and on soles, and halvings of
+the range of the time that is left.
+"""
 MISSED = 0.01
-"""How far from where it must land a foot on a sole may land in time, as a share of the body's height."""
+"""How far from where it must land a foot on a sole may land in time, as a share of the body's
+height.
+"""
 UNEVEN, SOLE_UNEVEN = 0.03, 0.01
-"""How far from the expected height a point and a sole meet ground that is uneven there, as a share of the body's
-height: a sole that lands late spoils the sway."""
+"""How far from the expected height a point and a sole meet ground that is uneven there, as a share
+of the body's height: a sole that lands late spoils the sway.
+"""
 AVERAGED, SETTLING, PRESSED = 0.05, 0.1, 0.7
-"""Time over which height and load of a foot that has landed are averaged, and after which they say where the ground is,
-in steps; and the load from which on they do, as a share of that from which on it touches."""
+"""Time over which height and load of a foot that has landed are averaged, and after which they say
+where the ground is, in steps; and the load from which on they do, as a share of that from which on
+it touches.
+"""
 REBOUND = 0.005
-"""How far above the place where it touched a foot still touches, as a share of the body's height."""
+"""How far above the place where it touched a foot still touches, as a share of the body's
+height.
+"""
 AT_REST = 0.03
-"""Velocity of the centre of mass below which the walk may end, as a share of ω times the body's height."""
+"""Velocity of the centre of mass below which the walk may end, as a share of ω times the body's
+height.
+"""
 IN_PLACE = 0.06
-"""How far a foot may be from where it stands for the walk to end, as a share of the body's height."""
+"""How far a foot may be from where it stands for the walk to end, as a share of the body's
+height.
+"""
 UPSET = 2.0
-"""How much an undesired velocity counts, beside a commanded one, in how fast the load is taken over."""
+"""How much an undesired velocity counts, beside a commanded one, in how fast the load is taken
+over.
+"""
 OUTSIDE = 0.02
-"""How far the capture point is outside of the feet for a robot that stands to step, as a share of the height."""
+"""How far the capture point is outside of the feet for a robot that stands to step, as a share of
+the height.
+"""
 
 
 @kernel
@@ -85,8 +106,9 @@ def time_left(p: WalkingRecord) -> float:
 def _haste(p: WalkingRecord) -> float:
     """How much faster than its clock a step goes on.
 
-    On points so that the body does not lean too far from a stance foot alone: beyond, the ground would have to hold
-    more than it can. On soles so that the foot lands while the place where it must land is in reach.
+    On points so that the body does not lean too far from a stance foot alone: beyond, the ground
+    would have to hold more than it can. On soles so that the foot lands while the place where it
+    must land is in reach.
     """
     left = max(1.0 - p.phase, 0.0) * p.step_duration
     if p.soles:
@@ -98,7 +120,10 @@ def _haste(p: WalkingRecord) -> float:
         return 1.0
     if not _too_late(p, left):
         return 1.0
-    low, high = min(max(left / SOLE_HASTE, _quickest(p)), left) if p.soles else left / MOST_HASTE, left
+    low, high = (
+        min(max(left / SOLE_HASTE, _quickest(p)), left) if p.soles else left / MOST_HASTE,
+        left,
+    )
     for _ in range(HALVINGS):
         middle = 0.5 * (low + high)
         if _too_late(p, middle):
@@ -139,12 +164,16 @@ def _lean_after(m: MeasuredRecord, foot: Vector, omega: float, time: float) -> f
 
 @kernel
 def _notice_touchdowns(p: WalkingRecord, done: float) -> int:
-    """Feet that are loaded late enough in their swing have landed; returns how many of the group still swing."""
+    """Feet that are loaded late enough in their swing have landed; returns how many of the group
+    still swing.
+    """
     in_air = 0
     for k in range(p.group.shape[0]):
         if p.in_air[k] != 0.0:
             late = p.group[k] != p.swings or done > 1.0
-            if (p.measured.load[k] > p.touch_force and (done > EARLIEST or late)) or (late and _rests(p, k)):
+            if (p.measured.load[k] > p.touch_force and (done > EARLIEST or late)) or (
+                late and _rests(p, k)
+            ):
                 p.in_air[k], p.since[k] = 0.0, 0.0
                 p.settled[k], p.pressed[k], p.rest[k] = 0.0, 0.0, p.measured.place[k, 2]
             elif p.group[k] == p.swings:
@@ -196,15 +225,17 @@ def _begin_step(p: WalkingRecord) -> None:
 def plan_step(p: WalkingRecord) -> None:
     """Duration of the step that begins, and how far apart soles are in it.
 
-    No foot goes farther than the stride. The share of it in which the load goes from feet to feet is long while the
-    robot walks slowly and undisturbed.
+    No foot goes farther than the stride. The share of it in which the load goes from feet to feet
+    is long while the robot walks slowly and undisturbed.
     """
     speed = foot_speed(p, p.velocity)
     way = speed * p.usual_step
     p.step_duration = p.usual_step * (p.stride / way if way > p.stride else 1.0)
     speed += UPSET * np.hypot(*(p.measured.drift - p.desired))
     fast = min(speed / p.max_speed, 1.0)
-    p.double_support = p.slow_double_support + fast * (p.fast_double_support - p.slow_double_support)
+    p.double_support = p.slow_double_support + fast * (
+        p.fast_double_support - p.slow_double_support
+    )
     p.load_ramp = p.slow_load_ramp + fast**4 * (p.fast_load_ramp - p.slow_load_ramp)
     if p.soles and p.sways and p.group.shape[0] == 2:
         widen_stance(p)

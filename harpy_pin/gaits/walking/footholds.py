@@ -1,4 +1,6 @@
-"""Where the feet of the group that swings land: from the pendulum at touchdown, in reach and apart from the others."""
+"""Where the feet of the group that swings land: from the pendulum at touchdown, in reach and apart
+from the others.
+"""
 
 from __future__ import annotations
 
@@ -21,7 +23,9 @@ from harpy_pin.model.state import Vector
 from harpy_pin.model.vectors import rotation_in_plane
 
 APART = 0.4
-"""Least distance between two feet in the direction in which they stand apart, as a share of that when standing."""
+"""Least distance between two feet in the direction in which they stand apart, as a share of that
+when standing.
+"""
 CLEAR = 0.01
 """Least gap between two soles, m."""
 FROZEN = 0.25
@@ -39,12 +43,19 @@ def is_frozen(p: WalkingRecord, left: float) -> bool:
 
 @kernel
 def out_of_reach(p: WalkingRecord, left: float) -> float:
-    """How far the foothold of a step that ends after the time ``left`` would be from where the foot may land, m.
+    """How far the foothold of a step that ends after the time ``left`` would be from where the foot
+    may land, m.
 
-    A robot on soles that has been pushed is balanced by a step at a place that it reaches, or by an earlier one. That
-    soles must not touch does not count here: steps of an ordinary walk would end early.
+    A robot on soles that has been pushed is balanced by a step at a place that it reaches, or by an
+    earlier one. That soles must not touch does not count here: steps of an ordinary walk would end
+    early.
     """
-    middle, axes, worst, before = _landing_middle(p, left), rotation_in_plane(p.path[2]), 0.0, np.empty(2)
+    middle, axes, worst, before = (
+        _landing_middle(p, left),
+        rotation_in_plane(p.path[2]),
+        0.0,
+        np.empty(2),
+    )
     for k in range(p.group.shape[0]):
         if p.group[k] == p.swings:
             place = p.foothold[k, :2]
@@ -63,7 +74,10 @@ def choose_footholds(p: WalkingRecord, left: float) -> None:
         return
     middle, before = _landing_middle(p, left), np.empty(2)
     heading = p.path[2] + p.velocity[2] * (left + 0.5 * p.step_duration * (p.groups - 1))
-    axes, moving = rotation_in_plane(heading), left < (1.0 - ACROSS) * (1.0 - p.double_support) * p.step_duration
+    axes, moving = (
+        rotation_in_plane(heading),
+        left < (1.0 - ACROSS) * (1.0 - p.double_support) * p.step_duration,
+    )
     for k in range(p.group.shape[0]):
         if p.group[k] == p.swings:
             before[:] = p.foothold[k, :2]
@@ -86,7 +100,9 @@ def _landing_middle(p: WalkingRecord, left: float) -> Vector:
         return m.centre[:2]
     there, speed, duration = np.empty(2), np.empty(2), real_duration(p)
     if p.soles:
-        left = max(left - (p.step_duration - duration), 0.0) + 0.5 * p.double_support * p.step_duration
+        left = (
+            max(left - (p.step_duration - duration), 0.0) + 0.5 * p.double_support * p.step_duration
+        )
     pressure = np.array(nearest_in_hull(stance, count, *p.pressure))
     _predict_centre(p, stance, count, pressure, left, there, speed)
     if p.groups != 2:
@@ -101,12 +117,19 @@ def _landing_middle(p: WalkingRecord, left: float) -> Vector:
 
 @kernel
 def _predict_centre(
-    p: WalkingRecord, stance: Vector, count: int, pressure: Vector, left: float, there: Vector, speed: Vector
+    p: WalkingRecord,
+    stance: Vector,
+    count: int,
+    pressure: Vector,
+    left: float,
+    there: Vector,
+    speed: Vector,
 ) -> None:
     """Place and velocity of the centre of mass at touchdown, after the time ``left``.
 
-    It is a pendulum about the centre of pressure, but goes on with its velocity along a line between two point feet,
-    and everywhere on more of them. The first ``count`` rows of ``stance`` are the stance feet's contact points.
+    It is a pendulum about the centre of pressure, but goes on with its velocity along a line
+    between two point feet, and everywhere on more of them. The first ``count`` rows of ``stance``
+    are the stance feet's contact points.
     """
     m = p.measured
     for i in range(2):
@@ -125,10 +148,11 @@ def _predict_centre(
 
 @kernel
 def widen_stance(p: WalkingRecord) -> None:
-    """Distance of two soles in the present step: as when standing, or what steps to the side and turns need.
+    """Distance of two soles in the present step: as when standing, or what steps to the side and
+    turns need.
 
-    Every second step to the side brings the feet together by its way, and every second one of a turn turns heels or
-    toes towards each other.
+    Every second step to the side brings the feet together by its way, and every second one of a
+    turn turns heels or toes towards each other.
     """
     duration = real_duration(p)
     aside = max(abs(p.velocity[1]), abs(p.goal[1])) * duration
@@ -141,13 +165,17 @@ def widen_stance(p: WalkingRecord) -> None:
 
 @kernel
 def _extent(p: WalkingRecord, turned: float) -> float:
-    """How far a sole reaches from its middle in a direction from which it is turned by an angle, m."""
+    """How far a sole reaches from its middle in a direction from which it is turned by an angle,
+    m.
+    """
     return float(0.5 * (p.sole[0] * abs(np.cos(turned)) + p.sole[1] * abs(np.sin(turned))))
 
 
 @kernel
 def _keep_apart(p: WalkingRecord, k: int, axes: Vector, soles: bool) -> None:
-    """Move a foothold away from the stance feet, or from their soles, along the direction in which they stand apart."""
+    """Move a foothold away from the stance feet, or from their soles, along the direction in which
+    they stand apart.
+    """
     for j in range(p.group.shape[0]):
         if j != k and p.in_air[j] == 0.0:
             n = axes @ (p.nominal[k] - p.nominal[j])
@@ -156,7 +184,10 @@ def _keep_apart(p: WalkingRecord, k: int, axes: Vector, soles: bool) -> None:
             gap, least = (p.foothold[k, :2] - p.measured.place[j, :2]) @ n, APART * apart
             if soles:
                 away = np.arctan2(n[1], n[0])
-                own, other = _extent(p, p.foothold[k, 2] - away), _extent(p, p.measured.turned[j] - away)
+                own, other = (
+                    _extent(p, p.foothold[k, 2] - away),
+                    _extent(p, p.measured.turned[j] - away),
+                )
                 least = max(least, own + other + CLEAR)
             if gap < least:
                 p.foothold[k, :2] += (least - gap) * n
@@ -164,10 +195,11 @@ def _keep_apart(p: WalkingRecord, k: int, axes: Vector, soles: bool) -> None:
 
 @kernel
 def _keep_in_reach(p: WalkingRecord, k: int, left: float) -> None:
-    """Draw a foothold towards the place below the hip, as far as the leg reaches when the foot gets there.
+    """Draw a foothold towards the place below the hip, as far as the leg reaches when the foot gets
+    there.
 
-    A leg beside its hip's axis reaches less far outwards: as far from that axis as its own length and that offset say.
-    A body that is higher than it should be leaves less, too.
+    A leg beside its hip's axis reaches less far outwards: as far from that axis as its own length
+    and that offset say. A body that is higher than it should be leaves less, too.
     """
     m = p.measured
     hip = hip_place(p, k, max(left - p.arrives * (1.0 - p.double_support) * p.step_duration, 0.0))
@@ -192,9 +224,11 @@ def keep_off_edges(p: WalkingRecord, k: int, before: Vector, moving: bool) -> No
 
 @kernel
 def keep_line(p: WalkingRecord, middle: Vector) -> None:
-    """Move both footholds of a group along y so that the line between them goes through its middle again.
+    """Move both footholds of a group along y so that the line between them goes through its middle
+    again.
 
-    A foothold that is moved away from an edge turns that line, across which the robot is a pendulum.
+    A foothold that is moved away from an edge turns that line, across which the robot is a
+    pendulum.
     """
     first = second = -1
     for k in range(p.group.shape[0]):

@@ -21,7 +21,9 @@ LOAD_SHARE = 0.5
 
 @kernel
 def measure(p: WalkingRecord, q: Vector, v: Vector, foot_force: Vector) -> bool:
-    """Take up a configuration, a velocity and the forces (points, 3) on the feet; returns whether they were good."""
+    """Take up a configuration, a velocity and the forces (points, 3) on the feet; returns whether
+    they were good.
+    """
     m = p.measured
     if not (all_possible(q) and all_possible(v) and is_unit(q) and all_possible_rows(foot_force)):
         return False
@@ -36,7 +38,11 @@ def measure(p: WalkingRecord, q: Vector, v: Vector, foot_force: Vector) -> bool:
         above_ground(p)
     _measure_feet(p, m, foot_force)
     _find_line(p, m)
-    m.drift[:] = m.centre[3:5] + np.array((m.spin[1], -m.spin[0])) / m.centre[2] - _held_turning(p, m) * m.line
+    m.drift[:] = (
+        m.centre[3:5]
+        + np.array((m.spin[1], -m.spin[0])) / m.centre[2]
+        - _held_turning(p, m) * m.line
+    )
     m.seen = 1
     return True
 
@@ -57,7 +63,9 @@ def _find_line(p: WalkingRecord, m: MeasuredRecord) -> None:
 
 @kernel
 def _held_turning(p: WalkingRecord, m: MeasuredRecord) -> float:
-    """Velocity of the pendulum along the line of the stance feet that is of the turning of the swing legs, m/s."""
+    """Velocity of the pendulum along the line of the stance feet that is of the turning of the
+    swing legs, m/s.
+    """
     axes, total = rotation_in_plane(m.heading), 0.0
     line = axes.T @ m.line
     for k in range(p.group.shape[0]):
@@ -69,7 +77,9 @@ def _held_turning(p: WalkingRecord, m: MeasuredRecord) -> float:
 
 @kernel
 def above_ground(p: WalkingRecord) -> None:
-    """Heights of body and centre of mass above the plane that fits the ground around the body, and how they change."""
+    """Heights of body and centre of mass above the plane that fits the ground around the body, and
+    how they change.
+    """
     m = p.measured
     m.ground, along, across = fit_plane(p.terrain, m.body[0], m.body[1], p.ground_reach)
     m.body[2] -= m.ground
@@ -93,7 +103,9 @@ def _measure_centre(t: TreeRecord, m: MeasuredRecord) -> None:
 
 @kernel
 def _add_body(t: TreeRecord, i: int, place: Vector, velocity: Vector, spin: Vector) -> None:
-    """Add a body's mass times place, its momentum, and its angular momentum about the base's origin, base axes."""
+    """Add a body's mass times place, its momentum, and its angular momentum about the base's
+    origin, base axes.
+    """
     r, linear, angular = t.axes[i], t.twist[i, :3], t.twist[i, 3:]
     c = t.position[i] + r @ t.centre[i]
     w = linear + np.cross(angular, c)

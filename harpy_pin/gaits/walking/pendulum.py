@@ -1,9 +1,11 @@
-"""The linear inverted pendulum about a centre of pressure, c̈ = ω² (c − p), in closed form, one coordinate at a time.
+"""The linear inverted pendulum about a centre of pressure, c̈ = ω² (c − p), in closed form, one
+coordinate at a time.
 
-Its *divergent component of motion* ξ = c + ċ/ω (the capture point) runs away from p: ξ(t) = p + (ξ(0) − p) exp(ω t). In
-a walk that goes on for ever with steps of duration T, ξ has at each touchdown the same offset from the foot that lands
-(Englsberger, Ott and Albu-Schäffer 2015): for a way L per step b = L / (exp(ω T) − 1), and for a support that jumps by
-D, forth and back, b = D / (exp(ω T) + 1). The centre of pressure is in the hull of the points of the stance feet.
+Its *divergent component of motion* ξ = c + ċ/ω (the capture point) runs away from p: ξ(t) = p +
+(ξ(0) − p) exp(ω t). In a walk that goes on for ever with steps of duration T, ξ has at each
+touchdown the same offset from the foot that lands (Englsberger, Ott and Albu-Schäffer 2015): for a
+way L per step b = L / (exp(ω T) − 1), and for a support that jumps by D, forth and back, b = D /
+(exp(ω T) + 1). The centre of pressure is in the hull of the points of the stance feet.
 """
 
 from __future__ import annotations
@@ -25,27 +27,36 @@ SAME = 1e-6
 TINY = 1e-12
 """Area below which three points are on one line, m²."""
 SETTLE = 0.9
-"""Share of its swing after which a foot is at the ground, or almost; from there on it goes down slowly, so as not to
-land hard."""
+"""Share of its swing after which a foot is at the ground, or almost; from there on it goes down
+slowly, so as not to land hard.
+"""
 UPRIGHT_END = 0.1
 """Least share of its swing, at the end, in which a foot moves vertically."""
 NEAR, STRAIGHT_NEAR = 0.166, 0.185
-"""Share of its swing, at the end, in which a foot is near to the ground: one that goes down slowly, nearer than
-5 % of its clearance; others, 4 %."""
+"""Share of its swing, at the end, in which a foot is near to the ground: one that goes down slowly,
+nearer than 5 % of its clearance; others, 4 %.
+"""
 STUCK, OUT = 0.03, 0.12
-"""Least share of its swing in which a foot that is in the ground goes straight up, and share after which it has left
-ground that gives way."""
+"""Least share of its swing in which a foot that is in the ground goes straight up, and share after
+which it has left ground that gives way.
+"""
 CREEP = 0.14
-"""Largest horizontal velocity with which a foot comes that near, and leaves the ground, as a share of ω times the
-body's height."""
+"""Largest horizontal velocity with which a foot comes that near, and leaves the ground, as a share
+of ω times the body's height.
+"""
 RACE = 95.0
-"""Horizontal velocity of a foot at a share s of its swing after it starts, and before it stops, over s² and the
-velocity of the walk."""
+"""Horizontal velocity of a foot at a share s of its swing after it starts, and before it stops,
+over s² and the velocity of the walk.
+"""
 
 
 @kernel
-def predict(place: float, velocity: float, pressure: float, omega: float, time: float) -> tuple[float, float]:
-    """Place c (m) and velocity ċ (m/s) after a time, s, about a centre of pressure p that stays, m, with ω, 1/s."""
+def predict(
+    place: float, velocity: float, pressure: float, omega: float, time: float
+) -> tuple[float, float]:
+    """Place c (m) and velocity ċ (m/s) after a time, s, about a centre of pressure p that stays, m,
+    with ω, 1/s.
+    """
     grow, fall = np.exp(omega * time), np.exp(-omega * time)
     cosh, sinh = 0.5 * (grow + fall), 0.5 * (grow - fall)
     x = place - pressure
@@ -54,10 +65,11 @@ def predict(place: float, velocity: float, pressure: float, omega: float, time: 
 
 @kernel
 def cyclic_offset(way: Any, jump: Any, growth: float) -> Any:
-    """Offset of ξ from a foot that lands, in a walk that goes on for ever, m: a number, or both coordinates.
+    """Offset of ξ from a foot that lands, in a walk that goes on for ever, m: a number, or both
+    coordinates.
 
-    The way L per step and the jump D from this support to the next, in the frame that moves with the walk, are in m;
-    ``growth`` is exp(ω T).
+    The way L per step and the jump D from this support to the next, in the frame that moves with
+    the walk, are in m; ``growth`` is exp(ω T).
     """
     return way / (growth - 1.0) + jump / (growth + 1.0)
 
@@ -66,19 +78,26 @@ def cyclic_offset(way: Any, jump: Any, growth: float) -> Any:
 def toward(
     place: float, velocity: float, acceleration: float, goal: float, left: float, step: float
 ) -> tuple[float, float, float]:
-    """Place, velocity and acceleration after a time on the quintic that ends at rest at the goal after the time left.
+    """Place, velocity and acceleration after a time on the quintic that ends at rest at the goal
+    after the time left.
 
     Once it is over, they are the goal's.
     """
     if step >= left:
         return goal, 0.0, 0.0
-    s, way, glide, bend = step / left, goal - place, velocity * left, 0.5 * acceleration * left * left
+    s, way, glide, bend = (
+        step / left,
+        goal - place,
+        velocity * left,
+        0.5 * acceleration * left * left,
+    )
     third = 10.0 * way - 6.0 * glide - 3.0 * bend
     fourth = -15.0 * way + 8.0 * glide + 3.0 * bend
     fifth = 6.0 * way - 3.0 * glide - bend
     return (
         place + s * (glide + s * (bend + s * (third + s * (fourth + s * fifth)))),
-        (glide + s * (2.0 * bend + s * (3.0 * third + s * (4.0 * fourth + s * 5.0 * fifth)))) / left,
+        (glide + s * (2.0 * bend + s * (3.0 * third + s * (4.0 * fourth + s * 5.0 * fifth))))
+        / left,
         (2.0 * bend + s * (6.0 * third + s * (12.0 * fourth + s * 20.0 * fifth))) / (left * left),
     )
 
@@ -87,9 +106,9 @@ def toward(
 def upright_end(speed: float, natural: float, near: float) -> float:
     """Share of its swing, at the end, in which a foot moves vertically, at a speed of the walk.
 
-    A foot that meets the ground while it moves across it is thrown up by contacts that are convex, such as MuJoCo's, at
-    μ times that velocity. So a fast one stops earlier. ``natural`` is ω times the body's height, ``near`` is
-    :data:`NEAR`.
+    A foot that meets the ground while it moves across it is thrown up by contacts that are convex,
+    such as MuJoCo's, at μ times that velocity. So a fast one stops earlier. ``natural`` is ω times
+    the body's height, ``near`` is :data:`NEAR`.
     """
     if speed <= 0.0:
         return UPRIGHT_END
@@ -100,8 +119,8 @@ def upright_end(speed: float, natural: float, near: float) -> float:
 def upright_begin(speed: float, natural: float) -> float:
     """Share of its swing, at the beginning, in which a foot goes straight up that is in the ground.
 
-    Ground that gives way follows a foot that rises, and holds on to one that moves across it faster than it rises.
-    Arguments as of :func:`upright_end`.
+    Ground that gives way follows a foot that rises, and holds on to one that moves across it faster
+    than it rises. Arguments as of :func:`upright_end`.
     """
     if speed <= 0.0:
         return STUCK
@@ -110,7 +129,9 @@ def upright_begin(speed: float, natural: float) -> float:
 
 @kernel(points=("n", 2))
 def nearest_in_hull(points: Vector, count: int, x: float, y: float) -> tuple[float, float]:
-    """The point nearest to (x, y) of the convex hull, polygon, segment or point, of the first ``count`` points."""
+    """The point nearest to (x, y) of the convex hull, polygon, segment or point, of the first
+    ``count`` points.
+    """
     outside = count < 3
     best = np.hypot(points[0, 0] - x, points[0, 1] - y)
     at_x, at_y = points[0]
@@ -141,9 +162,11 @@ def nearest_in_hull(points: Vector, count: int, x: float, y: float) -> tuple[flo
 
 @kernel
 def stance_points(p: WalkingRecord, without: int, margin: float, out: Vector) -> int:
-    """Contact points (points, 2) of the stance feet, without those of one group (−1 for none); returns how many.
+    """Contact points (points, 2) of the stance feet, without those of one group (−1 for none);
+    returns how many.
 
-    Each is drawn by the share ``margin`` of the way to the middle of its foot. A foot that rolls has those of its edge.
+    Each is drawn by the share ``margin`` of the way to the middle of its foot. A foot that rolls
+    has those of its edge.
     """
     m, count = p.measured, 0
     for n in range(m.point.shape[0]):
@@ -157,7 +180,9 @@ def stance_points(p: WalkingRecord, without: int, margin: float, out: Vector) ->
 
 @kernel
 def change_after(p: WalkingRecord, share: float, time: float) -> Vector:
-    """Change of the applied velocity after a time, forward and to the left, towards a share of the goal, m/s."""
+    """Change of the applied velocity after a time, forward and to the left, towards a share of the
+    goal, m/s.
+    """
     change = share * p.goal[:2] - p.velocity[:2]
     needed = np.hypot(change[0] / p.acceleration[0], change[1] / p.acceleration[1])
     return (time / needed if needed > time else 1.0) * change
@@ -165,7 +190,9 @@ def change_after(p: WalkingRecord, share: float, time: float) -> Vector:
 
 @kernel
 def desired_after(p: WalkingRecord, time: float) -> Vector:
-    """Velocity of the centre of mass that is asked for after a time, m/s: it goes on towards the goal, and turns."""
+    """Velocity of the centre of mass that is asked for after a time, m/s: it goes on towards the
+    goal, and turns.
+    """
     velocity = p.velocity[:2] + change_after(p, 1.0, time)
     return rotation_in_plane(p.path[2] + time * p.velocity[2]) @ velocity + p.back
 
@@ -180,7 +207,9 @@ def hip_place(p: WalkingRecord, k: int, time: float) -> Vector:
 
 @kernel
 def real_duration(p: WalkingRecord) -> float:
-    """Duration of the present step, s: a sole meets the ground when it has come down, a little before its time."""
+    """Duration of the present step, s: a sole meets the ground when it has come down, a little
+    before its time.
+    """
     early = (1.0 - SETTLE) * (1.0 - p.double_support) if p.soles else 0.0
     return float((1.0 - early) * p.step_duration)
 

@@ -22,10 +22,13 @@ class MeasuredRecord(RecordOf):
     heading: float = 0.0  # in which the robot faces, rad
     centre: Vector = sized(6)  # place (m) and velocity (m/s) of the centre of mass
     spin: Vector = sized(3)  # angular momentum about it, per mass, m²/s
-    # horizontal velocity of a pendulum with the robot's angular momentum about the ground below it, along ``line`` that
+    # horizontal velocity of a pendulum with the robot's angular momentum about the ground below it,
+    # along ``line`` that
     # of the centre of mass, m/s
     drift: Vector = sized(2)
-    line: Vector = sized(2)  # direction of the line of two stance feet of four or more; zero where others are down
+    line: Vector = sized(
+        2
+    )  # direction of the line of two stance feet of four or more; zero where others are down
     point: Vector = sized("points", 3)  # places of the contact points, m
     place: Vector = sized("feet", 3)  # middles of the feet, m
     turned: Vector = sized("feet")  # heading of each foot, rad
@@ -35,7 +38,8 @@ class MeasuredRecord(RecordOf):
 class WalkingRecord(VelocityRecord, Build, Pace):
     """What :class:`~harpy_pin.gaits.walking.WalkingGait` knows, has measured and remembers.
 
-    How the robot is built and how fast it walks are the numbers of :class:`Build` and :class:`Pace`.
+    How the robot is built and how fast it walks are the numbers of :class:`Build` and
+    :class:`Pace`.
     """
 
     tree: TreeRecord  # bodies and joints of the robot
@@ -56,7 +60,8 @@ class WalkingRecord(VelocityRecord, Build, Pace):
     sways: int  # 1 where two groups stand apart, so that the body goes to and fro between them
     step_duration: float  # T of the present step, from one touchdown to the next, s
     double_support: float  # share of the present step in which every foot is on the ground
-    # share of its largest normal force up to which a foot's load rises over that time, and from which it falls, at the
+    # share of its largest normal force up to which a foot's load rises over that time, and from
+    # which it falls, at the
     # largest speed
     fast_load_ramp: float
     slow_load_ramp: float  # that of a robot that hardly walks
@@ -67,10 +72,13 @@ class WalkingRecord(VelocityRecord, Build, Pace):
     low: float  # height from which on a foot goes down slowly, m
     deeper: float  # how much deeper than the ground it then aims, m
     arrives: float  # share of its swing before its end at which a foot is almost where it lands
-    # distance of the centre of mass from a single stance foot on a point at which the next one should land, m
+    # distance of the centre of mass from a single stance foot on a point at which the next one
+    # should land, m
     lean: float
     touch_force: float  # normal force from which on a foot touches the ground, N
-    acceleration: Vector  # (2,) largest change of the applied velocity, forward and to the side, m/s²
+    acceleration: (
+        Vector  # (2,) largest change of the applied velocity, forward and to the side, m/s²
+    )
     turn_acceleration: float  # largest change of the applied turning velocity, rad/s²
     height_range: Vector  # (2,) least and largest change of the height, m
     always: int  # 1 where it steps at zero command, too
@@ -86,7 +94,8 @@ class WalkingRecord(VelocityRecord, Build, Pace):
     phase: float = 0.0  # share of the present step that is done
     haste: float = 1.0  # how much faster than its clock the present step goes on
     load_ramp: float = 1.0  # that of the present step
-    roll: float = 0.0  # largest pitch in the present step of the foot that swings in it, rad; heel up is positive
+    # largest pitch in the present step of the foot that swings in it, rad; heel up is positive
+    roll: float = 0.0
     pitch: Vector = sized(3)  # its present pitch, rate and acceleration, rad, rad/s and rad/s²
     pivot: Vector = sized(3)  # middle of the edge about which it rolls, m
     swings: int = ZERO  # the group that swings in the present step
@@ -94,7 +103,9 @@ class WalkingRecord(VelocityRecord, Build, Pace):
     in_air: Vector = sized("feet")  # 1 for a swing foot
     since: Vector = sized("feet")  # time since the last touchdown, s
     lifted_at: Vector = sized("feet")  # height of a swing foot when it was lifted, m
-    felt: Vector = sized("feet")  # height of the ground that each foot met last, where that is not what was expected, m
+    felt: Vector = sized(
+        "feet"
+    )  # height of the ground that each foot met last, where that is not what was expected, m
     touched: Vector = sized("feet")  # height below which a stance foot touches the ground, m
     settled: Vector = sized("feet")  # 1 once a stance foot has settled
     pressed: Vector = sized("feet")  # mean of its load, N
@@ -103,7 +114,9 @@ class WalkingRecord(VelocityRecord, Build, Pace):
     # place, velocity and acceleration of x, y (m) and heading (rad) of a swing foot
     swing: Vector = sized("feet", 3, 3)
     lift: Vector = sized("feet", 3)  # its height, velocity and acceleration
-    held: Vector = sized("feet", 4)  # acceleration of x, y, heading and height until the next update
+    held: Vector = sized(
+        "feet", 4
+    )  # acceleration of x, y, heading and height until the next update
     # height to which it rises, where feet step over the ground: it stays when an edge is behind, m
     risen: Vector = sized("feet")
     measured: MeasuredRecord  # the last good state

@@ -1,7 +1,9 @@
-"""A sole that leaves the ground rolls over the line of its toes, or of its heel when the robot walks backward.
+"""A sole that leaves the ground rolls over the line of its toes, or of its heel when the robot
+walks backward.
 
-So its leg reaches farther: the ankle rises and comes along. The foot that swings in a step has a pitch θ, which is a
-smooth bump in time. It begins while both feet are down; then the edge alone bears load. It ends before the foot lands.
+So its leg reaches farther: the ankle rises and comes along. The foot that swings in a step has a
+pitch θ, which is a smooth bump in time. It begins while both feet are down; then the edge alone
+bears load. It ends before the foot lands.
 """
 
 from __future__ import annotations
@@ -20,11 +22,13 @@ if TYPE_CHECKING:
     from harpy_pin.gaits.walking.record import WalkingRecord
 
 ROLL, SHORT, MOST_ROLL = 0.9, 0.05, 0.6
-"""Largest pitch per way of a step in lengths of the leg, less that of a short step, on which a sole stays flat; and
-largest of all, rad."""
+"""Largest pitch per way of a step in lengths of the leg, less that of a short step, on which a sole
+stays flat; and largest of all, rad.
+"""
 BEGIN, FLAT_AGAIN = 0.3, 0.6
-"""Share of the double support at which the pitch begins, until which the other edge is unloaded; and share of the swing
-at which it ends."""
+"""Share of the double support at which the pitch begins, until which the other edge is unloaded;
+and share of the swing at which it ends.
+"""
 
 
 def soles_of(corner: Vector, foot: NDArray[np.int64]) -> tuple[Vector, Vector]:
@@ -35,14 +39,16 @@ def soles_of(corner: Vector, foot: NDArray[np.int64]) -> tuple[Vector, Vector]:
         foot: (points,) the foot that each is of.
 
     Returns:
-        (points, 2) the same in the axes of each sole, whose sides they are along; (feet,) how far these axes are turned
-        to the left, at most 45°, rad. A foot on one point is not turned.
+        (points, 2) the same in the axes of each sole, whose sides they are along; (feet,) how far
+        these axes are turned to the left, at most 45°, rad. A foot on one point is not turned.
     """
     own, askew = corner.copy(), np.zeros(int(foot.max()) + 1)
     for k in range(len(askew)):
         sides = corner[foot == k][1:] - corner[foot == k][0]
         if len(sides) > 1:
-            x, y = sides[np.argsort(np.hypot(*sides.T))[0]]  # the shortest of the three is no diagonal
+            x, y = sides[
+                np.argsort(np.hypot(*sides.T))[0]
+            ]  # the shortest of the three is no diagonal
             angle = np.arctan2(y, x)
             askew[k] = angle - 0.5 * np.pi * np.round(2.0 * angle / np.pi)
             c, s = np.cos(askew[k]), np.sin(askew[k])
@@ -52,7 +58,9 @@ def soles_of(corner: Vector, foot: NDArray[np.int64]) -> tuple[Vector, Vector]:
 
 @kernel
 def plan_roll(p: WalkingRecord) -> None:
-    """How far the foot rolls that swings in the step that begins: as the other foot is ahead of it."""
+    """How far the foot rolls that swings in the step that begins: as the other foot is ahead of
+    it.
+    """
     stay_flat(p)
     if not p.soles or p.group.shape[0] != 2 or p.groups != 2 or not p.terrain.level:
         return
@@ -71,7 +79,9 @@ def stay_flat(p: WalkingRecord) -> None:
 
 @kernel
 def roll_on(p: WalkingRecord) -> None:
-    """Pitch, its rate and its acceleration at the present phase: θ = 64 u³ (1 − u)³ of the largest one."""
+    """Pitch, its rate and its acceleration at the present phase: θ = 64 u³ (1 − u)³ of the largest
+    one.
+    """
     p.pitch[:] = 0.0
     begin = BEGIN * p.double_support
     length = p.double_support - begin + FLAT_AGAIN * (1.0 - p.double_support)
@@ -118,7 +128,9 @@ def is_lifted(p: WalkingRecord, n: int) -> bool:
 
 @kernel
 def share_of_edge(p: WalkingRecord, n: int) -> float:
-    """Share of its usual load of a contact point of a stance foot: it falls to zero where the foot is about to roll."""
+    """Share of its usual load of a contact point of a stance foot: it falls to zero where the foot
+    is about to roll.
+    """
     if p.roll == 0.0 or p.group[p.foot[n]] != p.swings or p.own[n, 0] * p.roll > 0.0:
         return 1.0
     return float(min(max(1.0 - p.phase / (BEGIN * p.double_support), 0.0), 1.0))
@@ -126,19 +138,25 @@ def share_of_edge(p: WalkingRecord, n: int) -> float:
 
 @kernel
 def tip(p: WalkingRecord, o: GaitTargetRecord, n: int, heading: float) -> None:
-    """Turn the target of a contact point of a flat foot with this heading about the edge over which the foot rolls."""
+    """Turn the target of a contact point of a flat foot with this heading about the edge over which
+    the foot rolls.
+    """
     k, arm, (pitch, rate, bend) = p.foot[n], -2.0 * p.own[n, 0], p.pitch
     if not rolls(p, k) or p.own[n, 0] * p.roll > 0.0:
         return
     c, s, ahead = arm * np.cos(pitch), arm * np.sin(pitch), ahead_of(p, k, heading)
     o.foot_position[n] += np.array([*((arm - c) * ahead), s])
     o.foot_velocity[n] += rate * np.array([*(s * ahead), c])
-    o.foot_acceleration[n] += np.array([*((s * bend + c * rate**2) * ahead), c * bend - s * rate**2])
+    o.foot_acceleration[n] += np.array(
+        [*((s * bend + c * rate**2) * ahead), c * bend - s * rate**2]
+    )
 
 
 @kernel
 def lift_corner(p: WalkingRecord, o: GaitTargetRecord, n: int) -> None:
-    """Target of a contact point that is lifted: it turns about the edge, where that is, and bears no load."""
+    """Target of a contact point that is lifted: it turns about the edge, where that is, and bears
+    no load.
+    """
     heading = p.measured.turned[p.foot[n]]
     corner = np.array([2.0 * p.own[n, 0], p.own[n, 1]])
     o.foot_position[n] = p.pivot - o.body[:3]
@@ -150,7 +168,9 @@ def lift_corner(p: WalkingRecord, o: GaitTargetRecord, n: int) -> None:
 
 @kernel
 def flat_place(p: WalkingRecord, k: int) -> Vector:
-    """Where the middle of foot k would be, flat, with the edge where it is over which it rolls, m."""
+    """Where the middle of foot k would be, flat, with the edge where it is over which it rolls,
+    m.
+    """
     place: Vector = p.measured.place[k]
     if not rolls(p, k):
         return place

@@ -1,7 +1,9 @@
-"""The swing feet: horizontally to a foothold that may change at any tick, vertically up, down and on down.
+"""The swing feet: horizontally to a foothold that may change at any tick, vertically up, down and
+on down.
 
-Over ground that is not even they go first up, then across what is higher, then down, in world heights: a foot that
-moved across while it is still rising would meet the riser of a step that it stands before.
+Over ground that is not even they go first up, then across what is higher, then down, in world
+heights: a foot that moved across while it is still rising would meet the riser of a step that it
+stands before.
 """
 
 from __future__ import annotations
@@ -27,8 +29,9 @@ from harpy_pin.model.record import Records
 from harpy_pin.model.state import Vector
 
 UP, ACROSS, THERE, DOWN, LANDED = 0.4, 0.2, 0.7, 0.5, 0.9
-"""Shares of its swing at which a foot is at its highest, begins to move across and ends to, begins to sink, and is at
-the ground."""
+"""Shares of its swing at which a foot is at its highest, begins to move across and ends to, begins
+to sink, and is at the ground.
+"""
 LEAST = 0.1
 """Share of its swing that a foot has at least for what is left of a phase."""
 DESCENT = 0.3
@@ -42,7 +45,9 @@ PLACES = 8
 LIFT = 80.0
 """Largest acceleration of a foot on its way up, m/s²."""
 LONG = 1.5e-3
-"""Time between two updates from which on a foot's acceleration changes too much to be taken as constant, s."""
+"""Time between two updates from which on a foot's acceleration changes too much to be taken as
+constant, s.
+"""
 PEAK = 5.7735
 """Largest acceleration of a motion from rest to rest, in its way over its squared duration."""
 
@@ -66,10 +71,12 @@ def lift_foot(p: WalkingRecord, k: int) -> None:
 
 @kernel
 def swing_foot(p: WalkingRecord, k: int, left: float, span: float) -> None:
-    """Bring swing foot k to the present time, ``span`` after the last update and ``left`` before it should land.
+    """Bring swing foot k to the present time, ``span`` after the last update and ``left`` before it
+    should land.
 
-    Its acceleration is held until the next update. Where that takes :data:`LONG`, it is the one that brings the foot to
-    its velocity then: in 20 ms that of a fast leg changes by as much as it is.
+    Its acceleration is held until the next update. Where that takes :data:`LONG`, it is the one
+    that brings the foot to its velocity then: in 20 ms that of a fast leg changes by as much as it
+    is.
     """
     _swing(p, k, left, span)
     swing, height = p.swing[k], p.lift[k]
@@ -86,7 +93,9 @@ def swing_foot(p: WalkingRecord, k: int, left: float, span: float) -> None:
 
 @kernel
 def _swing(p: WalkingRecord, k: int, left: float, span: float) -> None:
-    """Place, velocity and acceleration of a swing foot after a time ``span``, ``left`` before it should land."""
+    """Place, velocity and acceleration of a swing foot after a time ``span``, ``left`` before it
+    should land.
+    """
     if p.steps_over:
         _swing_over(p, k, left, span)
         return
@@ -100,7 +109,8 @@ def _swing(p: WalkingRecord, k: int, left: float, span: float) -> None:
 
 @kernel
 def _sticks(p: WalkingRecord, k: int, left: float, upright: float) -> bool:
-    """Whether a swing foot with this share of its swing left is in the ground, and has not begun to move across it.
+    """Whether a swing foot with this share of its swing left is in the ground, and has not begun to
+    move across it.
 
     It begins after the share ``upright`` of its swing at the latest.
     """
@@ -140,7 +150,9 @@ def _lift(p: WalkingRecord, k: int, u: float, duration: float, span: float) -> N
 
 @kernel
 def _move_across(p: WalkingRecord, k: int, left: float, span: float) -> None:
-    """Place and heading of a swing foot after a time ``span``, on its way to the foothold in the time ``left``."""
+    """Place and heading of a swing foot after a time ``span``, on its way to the foothold in the
+    time ``left``.
+    """
     swing, heading = p.swing[k], p.swing[k, 0, 2]
     for i in range(3):
         goal = p.foothold[k, i] if i < 2 else heading + wrapped(p.foothold[k, i] - heading)
@@ -169,7 +181,9 @@ def _let_down(z: Vector, lowest: float, span: float) -> None:
 
 @kernel
 def _swing_over(p: WalkingRecord, k: int, left: float, span: float) -> None:
-    """Bring swing foot k to the present time, ``span`` after the last update and ``left`` before it should land."""
+    """Bring swing foot k to the present time, ``span`` after the last update and ``left`` before it
+    should land.
+    """
     duration = (1.0 - p.double_support) * p.step_duration
     u = 1.0 - left / duration
     if u >= ACROSS:
@@ -199,10 +213,11 @@ def _highest_on_way(p: WalkingRecord, k: int) -> float:
 
 
 def walk_over(walk: Records[WalkingRecord], terrain: Records[TerrainRecord], reach: float) -> bool:
-    """Let a walk go over a terrain, whose plane the body follows in a square to ``reach`` on each side.
+    """Let a walk go over a terrain, whose plane the body follows in a square to ``reach`` on each
+    side.
 
-    Where that is no plane, steps last as long as lifting a foot takes. Returns whether the targets of swing feet have
-    world heights: those of points, on ground that is no plane.
+    Where that is no plane, steps last as long as lifting a foot takes. Returns whether the targets
+    of swing feet have world heights: those of points, on ground that is no plane.
     """
     walk["terrain"], walk["ground_reach"] = terrain, reach
     uneven = bool(terrain["pieces"][0] or terrain["cells"][0, 2])
@@ -211,7 +226,9 @@ def walk_over(walk: Records[WalkingRecord], terrain: Records[TerrainRecord], rea
     walk["steps_over"] = 1
     walk["slow_double_support"] = walk["double_support"] = walk["fast_double_support"]
     walk["slow_load_ramp"] = walk["fast_load_ramp"] = 1.0
-    height = float(walk["clearance"][0]) + greatest_rise(terrain, FARTHEST * float(walk["height"][0]))
+    height = float(walk["clearance"][0]) + greatest_rise(
+        terrain, FARTHEST * float(walk["height"][0])
+    )
     least = float(np.sqrt(PEAK * height / LIFT)) / (UP * (1.0 - float(walk["double_support"][0])))
     walk["usual_step"] = max(least, float(walk["usual_step"][0]))
     walk["step_duration"] = walk["usual_step"]

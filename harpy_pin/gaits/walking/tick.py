@@ -36,8 +36,9 @@ HEIGHT_SPEED = 0.5
 def advance(t: float, p: WalkingRecord, target: GaitTargetRecord) -> bool:
     """All targets at the time t, from the state that was measured last.
 
-    Time zero, or one that is more than a step before the last, begins the walk anew; one that is less before it counts
-    as the last. Returns False, with nothing done, where t is no time or the next row of the script begins before it.
+    Time zero, or one that is more than a step before the last, begins the walk anew; one that is
+    less before it counts as the last. Returns False, with nothing done, where t is no time or the
+    next row of the script begins before it.
     """
     if not (abs(t) < LONGEST and t < p.switch):
         return False
@@ -89,10 +90,16 @@ def begin_walk(p: WalkingRecord) -> None:
 
 @kernel
 def _steer(p: WalkingRecord, span: float) -> None:
-    """Applied velocity and path after the time ``span``: the velocity follows the goal at bounded acceleration."""
+    """Applied velocity and path after the time ``span``: the velocity follows the goal at bounded
+    acceleration.
+    """
     u, most = p.velocity, p.turn_acceleration * span
-    share = 1.0 if p.walking and p.phase >= 0.0 else 0.0  # it stands until it has shifted its weight
-    change = np.array([*change_after(p, share, span), min(max(share * p.goal[2] - u[2], -most), most)])
+    share = (
+        1.0 if p.walking and p.phase >= 0.0 else 0.0
+    )  # it stands until it has shifted its weight
+    change = np.array(
+        [*change_after(p, share, span), min(max(share * p.goal[2] - u[2], -most), most)]
+    )
     if span > 0.0:
         p.rate[:] = change / span
         most = HEIGHT_SPEED * p.height
@@ -122,7 +129,9 @@ def _keep_near(p: WalkingRecord) -> None:
 
 @kernel
 def _choose_velocity(p: WalkingRecord) -> None:
-    """Velocity of the centre of mass that is asked for: the applied one, and some of the way back to the path."""
+    """Velocity of the centre of mass that is asked for: the applied one, and some of the way back
+    to the path.
+    """
     way = RETURN * (p.path[:2] - p.measured.centre[:2])
     size, most = np.hypot(*way), MAX_RETURN * p.omega * p.height
     p.back[:] = (most / size if size > most else 1.0) * way

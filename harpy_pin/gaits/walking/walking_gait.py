@@ -15,7 +15,16 @@ from harpy_pin.gaits.fitting import GRAVITY, fitting_parameters
 from harpy_pin.gaits.gait import LONGEST, GaitTarget, Unobserved, refuse_time
 from harpy_pin.gaits.standing import Standing
 from harpy_pin.gaits.velocity import FollowsVelocity, Velocity, warn_maker
-from harpy_pin.gaits.walking.build import BY_FEET, Build, Pace, build_of, draw_together, groups_of, pace_of, why_no_walk
+from harpy_pin.gaits.walking.build import (
+    BY_FEET,
+    Build,
+    Pace,
+    build_of,
+    draw_together,
+    groups_of,
+    pace_of,
+    why_no_walk,
+)
 from harpy_pin.gaits.walking.footholds import APART
 from harpy_pin.gaits.walking.measuring import measure
 from harpy_pin.gaits.walking.pendulum import NEAR, SETTLE, STRAIGHT_NEAR
@@ -33,12 +42,14 @@ from harpy_pin.model.state import State, Vector
 from harpy_pin.model.tree import tree_record
 
 FULL_GRIP, SLOWEST = 0.6, 0.07
-"""Friction coefficient from which on a robot on soles walks at its largest speed; below, at a share of it, but at this
-speed at least, in √(g leg)."""
+"""Friction coefficient from which on a robot on soles walks at its largest speed; below, at a share
+of it, but at this speed at least, in √(g leg).
+"""
 SLIPPERY, FIRM = 0.1, 0.2
-"""Friction coefficients between which a robot on soles steps more and more as on firm ground. Where it is slippery its
-feet stand close to each other, so that it sways less. They hand over the load quickly, because that is when they
-slip."""
+"""Friction coefficients between which a robot on soles steps more and more as on firm ground. Where
+it is slippery its feet stand close to each other, so that it sways less. They hand over the load
+quickly, because that is when they slip.
+"""
 CLOSE, SWIFT = 0.025, 0.05
 """There: distance between the two soles, m, and share of a step in which both are on the ground."""
 START = 1.6
@@ -48,54 +59,69 @@ CLEARANCE = 0.075
 OFFSET = 0.0015
 """How much deeper than the ground a swing foot aims, m."""
 ACCELERATION, TURN_ACCELERATION = 1.0, 3.0
-"""Largest change of the applied velocity, m/s², and so of its direction in a turn; and of the turning one, rad/s²."""
+"""Largest change of the applied velocity, m/s², and so of its direction in a turn; and of the
+turning one, rad/s².
+"""
 ASIDE, SHIFT = 0.117, 0.012
-"""On two soles: largest velocity sideways, in √(g leg), and how far a change of velocity to the side may move a
-foothold towards the other foot, m: beyond, it would have to land on that."""
+"""On two soles: largest velocity sideways, in √(g leg), and how far a change of velocity to the
+side may move a foothold towards the other foot, m: beyond, it would have to land on that.
+"""
 MOST_TURN = 2.0
 """Largest turning velocity, rad/s."""
 SWAY = 0.01
-"""Distance of two groups of feet below which the body does not sway between them, in heights of the centre of mass."""
+"""Distance of two groups of feet below which the body does not sway between them, in heights of the
+centre of mass.
+"""
 LEAN, STEEPEST = 0.45, 0.5
-"""On two points: distance of the centre of mass from the stance foot at which the next one should land, and
-largest distance of a foothold, in heights of the centre of mass. Of a pendulum it is the friction that it needs."""
+"""On two points: distance of the centre of mass from the stance foot at which the next one should
+land, and largest distance of a foothold, in heights of the centre of mass. Of a pendulum it is the
+friction that it needs.
+"""
 LOW, AIM = 0.02, 0.2
-"""In trots and paces, height from which on a foot goes down slowly, in clearances, and how far below the ground
-it then aims, as a share of the penetration offset. A foot that lands hard slips: inertia of its leg turns it aside."""
+"""In trots and paces, height from which on a foot goes down slowly, in clearances, and how far
+below the ground it then aims, as a share of the penetration offset. A foot that lands hard slips:
+inertia of its leg turns it aside.
+"""
 LOAD_RAMP, FAST_LOAD_RAMP = 0.26, 0.4
-"""In trots and paces, share of its largest normal force up to which a foot is loaded that is about to take over its
-part of the load, or begins to give it away, slow and at the largest speed; in other walks, all of it at once."""
+"""In trots and paces, share of its largest normal force up to which a foot is loaded that is about
+to take over its part of the load, or begins to give it away, slow and at the largest speed; in
+other walks, all of it at once.
+"""
 LOADED, MIN_LOADED = 0.03, 0.6
-"""Normal force from which on a foot touches the ground, as a share of its load when standing, and least, N."""
+"""Normal force from which on a foot touches the ground, as a share of its load when standing, and
+least, N.
+"""
 
 
 @fixed_arrays("applied", "command", "record")
 class WalkingGait(FollowsVelocity):
     """Targets of a robot on two, four or six feet that follows a velocity command.
 
-    It needs the measured state: controllers of this library call :meth:`observe` before each :meth:`update`. All
-    settings follow from the robot's mass, legs, feet and standing posture.
+    It needs the measured state: controllers of this library call :meth:`observe` before each
+    :meth:`update`. All settings follow from the robot's mass, legs, feet and standing posture.
 
-    The command is (forward, to the left, turning to the left), in m/s and rad/s, in the frame of the heading, and may
-    have a change of the body's height, m, as its fourth number. Change it at any tick: ``gait.command[:3] = (0.3, 0,
-    0)``. One beyond what the robot can do is scaled down as a whole; one that is not finite is ignored, and the last
-    finite command is kept. At zero command the robot stops and stands; it steps when it is pushed so far that its
-    capture point leaves the feet. A robot on two point feet cannot stand, and steps all the time; its heading is the
+    The command is (forward, to the left, turning to the left), in m/s and rad/s, in the frame of
+    the heading, and may have a change of the body's height, m, as its fourth number. Change it at
+    any tick: ``gait.command[:3] = (0.3, 0, 0)``. One beyond what the robot can do is scaled down as
+    a whole; one that is not finite is ignored, and the last finite command is kept. At zero command
+    the robot stops and stands; it steps when it is pushed so far that its capture point leaves the
+    feet. A robot on two point feet cannot stand, and steps all the time; its heading is the
     measured one, because point feet hold nothing about the vertical.
 
-    It is a gait with memory, for one controller, in one thread. It begins in its posture, at rest. Time zero, or a time
-    that is more than a step before the last, begins anew.
+    It is a gait with memory, for one controller, in one thread. It begins in its posture, at rest.
+    Time zero, or a time that is more than a step before the last, begins anew.
 
     Args:
         robot: with two, four or six feet, points or flat ones.
-        schedule: ``trot``, ``crawl``, ``pace`` or ``bound`` on four feet; ``walk``, or ``step`` to go on stepping at
-            zero command, on two; ``tripod`` on six; ``stand``. By default the first one.
-        velocity: the command; or rows of a script, (t, forward, to the left, turning[, height]), each valid from its
-            time, s, on; or a function from the time to the command.
+        schedule: ``trot``, ``crawl``, ``pace`` or ``bound`` on four feet; ``walk``, or ``step`` to
+            go on stepping at zero command, on two; ``tripod`` on six; ``stand``. By default the
+            first one.
+        velocity: the command; or rows of a script, (t, forward, to the left, turning[, height]),
+            each valid from its time, s, on; or a function from the time to the command.
         posture: (joints,) angles in which it stands, rad; by default as of :class:`Standing`.
         clearance: height of a foot at mid-swing, m.
-        max_speed: largest velocity of a foot's place, m/s; by default what legs can reach and motors can hold and
-            swing, √(g leg) at most.
+        max_speed: largest velocity of a foot's place, m/s; by default what legs can reach and
+            motors can hold and swing, √(g leg) at most.
 
     Attributes:
         step_duration: of a slow walk, s.
@@ -103,13 +129,15 @@ class WalkingGait(FollowsVelocity):
         command: (4,) the present command; set it in place.
         applied: (4,) the velocity that is applied, of the height m/s; read only.
         schedule: its name.
-        limited_by: what :attr:`max_speed` is not larger for, in words, such as ``the torques of its motors``.
+        limited_by: what :attr:`max_speed` is not larger for, in words, such as ``the torques of its
+            motors``.
         record: all that it knows and remembers, for kernels.
         target: of the last update.
         script: rows (t, command).
 
     Raises:
-        InputError: values out of their domains, an unknown schedule, another number of feet, or legs that cannot walk.
+        InputError: values out of their domains, an unknown schedule, another number of feet, or
+            legs that cannot walk.
     """
 
     @checked
@@ -125,7 +153,9 @@ class WalkingGait(FollowsVelocity):
     ) -> None:
         feet = len(robot.corners)
         if feet not in BY_FEET:
-            raise InputError(f"the gait needs two, four or six feet; '{robot.name}' has {feet}", name="robot")
+            raise InputError(
+                f"the gait needs two, four or six feet; '{robot.name}' has {feet}", name="robot"
+            )
         self.robot = robot
         self._standing = Standing(robot, posture)
         q, v = self._standing.initial_state()
@@ -133,13 +163,24 @@ class WalkingGait(FollowsVelocity):
         natural = float(np.sqrt(build.leg / GRAVITY))
 
         def optional(name: str, value: float | None, high: float) -> float | None:
-            return None if value is None else checks.number(name, value, low=0.0, high=high, strict=True)
+            return (
+                None
+                if value is None
+                else checks.number(name, value, low=0.0, high=high, strict=True)
+            )
 
         self.schedule = next(iter(BY_FEET[feet])) if schedule is None else schedule
         if self.schedule != "stand" and (why := why_no_walk(robot)):
             raise InputError(why, name="robot")
-        if feet == 2 and not soles and (most_joints := max(len(leg.joints) for leg in legs(robot))) >= SOLE_JOINTS:
-            warn_maker(f"'{robot.name}' has points as feet on legs of {most_joints} joints: flat_feet makes them soles")
+        if (
+            feet == 2
+            and not soles
+            and (most_joints := max(len(leg.joints) for leg in legs(robot))) >= SOLE_JOINTS
+        ):
+            warn_maker(
+                f"'{robot.name}' has points as feet on legs of {most_joints} joints: flat_feet "
+                f"makes them soles"
+            )
         clearance = optional("clearance", clearance, build.leg) or CLEARANCE * build.leg
         group = groups_of(self.schedule, build.place[:, :2] - build.place[:, :2].mean(axis=0))
         most = optional("max_speed", max_speed, 20.0)
@@ -147,7 +188,11 @@ class WalkingGait(FollowsVelocity):
         self._build, self._pace, self._chosen_speed = build, pace, max_speed is not None
         self.step_duration, self.double_support = pace.usual_step, pace.fast_double_support
         self.record: Records[WalkingRecord] = self._make_record(
-            build, pace, group, start_time=0.0 if feet == 2 and not soles else START * natural, clearance=clearance
+            build,
+            pace,
+            group,
+            start_time=0.0 if feet == 2 and not soles else START * natural,
+            clearance=clearance,
         )
         self._measured = self._record_["measured"]
         self._follow(velocity)
@@ -205,7 +250,11 @@ class WalkingGait(FollowsVelocity):
             fast_load_ramp=FAST_LOAD_RAMP if gentle else 1.0,
             slow_load_ramp=LOAD_RAMP if gentle else 1.0,
             omega=omega,
-            arrives=1.0 - SETTLE if soles else (NEAR if gentle else STRAIGHT_NEAR) if feet > 2 else 0.0,
+            arrives=1.0 - SETTLE
+            if soles
+            else (NEAR if gentle else STRAIGHT_NEAR)
+            if feet > 2
+            else 0.0,
             lean=LEAN * build.rise if balances else np.inf,
             max_aside=max_aside,
             touch_force=max(LOADED * robot.mass * GRAVITY / feet, MIN_LOADED),
@@ -230,7 +279,9 @@ class WalkingGait(FollowsVelocity):
 
     @property
     def controller_parameters(self) -> dict[str, Any]:
-        """Settings of whole-body controllers: :func:`~harpy_pin.gaits.fitting.fitting_parameters` of the robot."""
+        """Settings of whole-body controllers: :func:`~harpy_pin.gaits.fitting.fitting_parameters`
+        of the robot.
+        """
         return fitting_parameters(self.robot, leg=self._build.leg, rise=self._build.rise)
 
     @property
@@ -269,7 +320,8 @@ class WalkingGait(FollowsVelocity):
                 r[name] = SWIFT + grip * (getattr(pace, name) - SWIFT)
 
     def observe(self, state: State) -> None:
-        """See :class:`~harpy_pin.gaits.gait.Gait`; a state with entries that are not finite is ignored.
+        """See :class:`~harpy_pin.gaits.gait.Gait`; a state with entries that are not finite is
+        ignored.
 
         Raises:
             InputError: it is no state of the robot.
@@ -281,14 +333,18 @@ class WalkingGait(FollowsVelocity):
             measure(self._record_, state.q, state.v, state.foot_force)
 
     def update(self, t: float) -> GaitTarget:
-        """See :meth:`~harpy_pin.gaits.gait.Gait.update`; the targets are those at the state that was observed last.
+        """See :meth:`~harpy_pin.gaits.gait.Gait.update`; the targets are those at the state that
+        was observed last.
 
         Raises:
             Unobserved: no state whose numbers are finite.
-            InputError: t is not finite or beyond 1e9 s, or the velocity's function returned no command.
+            InputError: t is not finite or beyond 1e9 s, or the velocity's function returned no
+                command.
         """
         if not self._measured["seen"][0]:
-            message = "hp.WalkingGait needs the measured state: call observe(state) before update(t)"
+            message = (
+                "hp.WalkingGait needs the measured state: call observe(state) before update(t)"
+            )
             raise Unobserved(message, name="gait")
         if type(t) is not float:
             t = checks.number("t", t)
@@ -316,7 +372,15 @@ class WalkingGait(FollowsVelocity):
 
     def describe(self) -> Mapping[str, Any]:
         """Parameters, limits and script, for the log's metadata."""
-        names = ("double_support", "clearance", "height", "penetration_offset", "reach", "omega", "max_speed")
+        names = (
+            "double_support",
+            "clearance",
+            "height",
+            "penetration_offset",
+            "reach",
+            "omega",
+            "max_speed",
+        )
         return {
             "gait": "walking",
             "schedule": self.schedule,
@@ -327,7 +391,9 @@ class WalkingGait(FollowsVelocity):
         }
 
     def telemetry(self) -> Mapping[str, ArrayLike]:
-        """Command, applied velocity, path and heading; centre of mass and centre of pressure; footholds; steps."""
+        """Command, applied velocity, path and heading; centre of mass and centre of pressure;
+        footholds; steps.
+        """
         return {
             "command": self.command,
             "applied_velocity": self.applied,

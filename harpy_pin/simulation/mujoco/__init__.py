@@ -1,7 +1,8 @@
 """MuJoCo as a plant: the same robot, scenarios, controllers and logs in another engine.
 
-With the extra ``mujoco``: ``walk(Scenario(plant="mujoco"))`` or ``harpy walk --set plant=mujoco``. The names that
-``__init__.pyi`` lists are imported when they are first used, MuJoCo itself when the first model is made.
+With the extra ``mujoco``: ``walk(Scenario(plant="mujoco"))`` or ``harpy walk --set plant=mujoco``.
+The names that ``__init__.pyi`` lists are imported when they are first used, MuJoCo itself when the
+first model is made.
 """
 
 import lazy_loader

@@ -1,4 +1,5 @@
-"""The one place where states and forces change from this library's conventions to MuJoCo's and back.
+"""The one place where states and forces change from this library's conventions to MuJoCo's and
+back.
 
 | | here (:class:`harpy_pin.model.state.State`) | MuJoCo |
 |---|---|---|
@@ -34,7 +35,13 @@ from harpy_pin.model.vectors import rotation_matrix
 from harpy_pin.simulation.mujoco.differences import ROOT, AtZero
 
 OF_BODIES = ("body_parentid", "jnt_type", "jnt_bodyid", "geom_bodyid", "site_bodyid", "sensor_adr")
-OF_ACTUATORS = ("actuator_trnid", "actuator_ctrladr", "actuator_gear", "actuator_gainprm", "actuator_biasprm")
+OF_ACTUATORS = (
+    "actuator_trnid",
+    "actuator_ctrladr",
+    "actuator_gear",
+    "actuator_gainprm",
+    "actuator_biasprm",
+)
 """Arrays of a model by which its data are read and written."""
 
 
@@ -50,7 +57,9 @@ class ConventionsRecord(RecordOf):
     base_velocity: int  # of the free joint in MuJoCo's ``qvel``
     place: NDArray[np.int64]  # (joints,) in q
     column: NDArray[np.int64]  # (joints,) in v
-    unbounded: NDArray[np.int64]  # (joints,) 1 for a joint without limits, whose q is a cosine and a sine
+    unbounded: NDArray[
+        np.int64
+    ]  # (joints,) 1 for a joint without limits, whose q is a cosine and a sine
     position: NDArray[np.int64]  # (joints,) in MuJoCo's ``qpos``
     velocity: NDArray[np.int64]  # (joints,) in MuJoCo's ``qvel``
     q: Vector
@@ -61,16 +70,18 @@ class ConventionsRecord(RecordOf):
 
 @fixed_arrays("record")
 class Conventions:
-    """Turns states and forces of one robot from one convention into the other, in any MuJoCo model of it.
+    """Turns states and forces of one robot from one convention into the other, in any MuJoCo model
+    of it.
 
-    Joints are found by name. A prefix that ends in ``:`` or ``/``, as MuJoCo gives it to attached models, does not
-    count, unless it is given. The free joint is that of the joints' tree; the frame of its body has to be that of the
-    URDF's root link. Pickles and copies are made anew.
+    Joints are found by name. A prefix that ends in ``:`` or ``/``, as MuJoCo gives it to attached
+    models, does not count, unless it is given. The free joint is that of the joints' tree; the
+    frame of its body has to be that of the URDF's root link. Pickles and copies are made anew.
 
     Args:
         model: ``mujoco.MjModel`` of the robot; its joints have the names of the URDF.
         robot: whose states these are.
-        prefix: of the robot's joints in the model, where there are several robots, such as ``"a/"``.
+        prefix: of the robot's joints in the model, where there are several robots, such as
+            ``"a/"``.
 
     Attributes:
         model: the MuJoCo model.
@@ -82,7 +93,8 @@ class Conventions:
         velocity: (joints,) places of the robot's joints in MuJoCo's ``qvel``.
 
     Raises:
-        InputError: the model has no free joint, lacks a joint, or has one of another kind, axis, direction or zero.
+        InputError: the model has no free joint, lacks a joint, or has one of another kind, axis,
+            direction or zero.
     """
 
     _record_: Records[ConventionsRecord]
@@ -120,7 +132,8 @@ class Conventions:
         from_mujoco.prepare(self._record_, qpos, qvel, q, v)
 
     def place(self, state: State | tuple[Vector, Vector], data: Any) -> None:
-        """Write configuration, velocity and time into MuJoCo's data; ``mujoco.mj_forward`` is the caller's.
+        """Write configuration, velocity and time into MuJoCo's data; ``mujoco.mj_forward`` is the
+        caller's.
 
         Args:
             state: of the robot; or q and v, as a gait's ``initial_state()`` has them.
@@ -131,7 +144,10 @@ class Conventions:
         """
         self._check_data(data)
         q, v = state if isinstance(state, tuple) else (state.q, state.v)
-        q, v = checks.vector("q", q, self._robot.model.nq), checks.vector("v", v, self._robot.model.nv)
+        q, v = (
+            checks.vector("q", q, self._robot.model.nq),
+            checks.vector("v", v, self._robot.model.nv),
+        )
         to_mujoco(self._record_, q, v, data.qpos, data.qvel)
         data.time = data.time if isinstance(state, tuple) else state.t
 
@@ -139,13 +155,20 @@ class Conventions:
         return partial(type(self), prefix=self.prefix), (self.model, self.robot)
 
     def _check_data(self, data: Any) -> Any:
-        """The model of data; refuses one that is not this model, nor has its bodies and actuators, as its pickle."""
+        """The model of data; refuses one that is not this model, nor has its bodies and actuators,
+        as its pickle.
+        """
         if not isinstance(data, self._data_kind):
-            raise InputError(f"data must be a mujoco.MjData, got {shown(data)}", name="data", value=data)
+            raise InputError(
+                f"data must be a mujoco.MjData, got {shown(data)}", name="data", value=data
+            )
         model = data.model
         if model is not self._seen:
             if _arrays_of(model) != self._arrays:
-                message = "the data are of another MuJoCo model than the bridge: make a bridge to that model"
+                message = (
+                    "the data are of another MuJoCo model than the bridge: make a bridge to "
+                    "that model"
+                )
                 raise InputError(message, name="data", value=data)
             self._seen = model
         return model
@@ -159,7 +182,10 @@ def _arrays_of(model: Any) -> list[bytes]:
 @kernel(q="r.q", v="r.v", qpos="r.qpos", qvel="r.qvel")
 def to_mujoco(r: ConventionsRecord, q: Vector, v: Vector, qpos: Vector, qvel: Vector) -> None:
     """Write a state q (nq,), v (nv,) into MuJoCo's arrays."""
-    base, moving = qpos[r.base_position : r.base_position + 7], qvel[r.base_velocity : r.base_velocity + 6]
+    base, moving = (
+        qpos[r.base_position : r.base_position + 7],
+        qvel[r.base_velocity : r.base_velocity + 6],
+    )
     base[:3] = q[:3]
     base[3], base[4:] = q[6], q[3:6]
     moving[:3], moving[3:] = rotation_matrix(q[3:7]) @ v[:3], v[3:6]
@@ -172,7 +198,10 @@ def to_mujoco(r: ConventionsRecord, q: Vector, v: Vector, qpos: Vector, qvel: Ve
 @kernel(q="r.q", v="r.v", qpos="r.qpos", qvel="r.qvel")
 def from_mujoco(r: ConventionsRecord, qpos: Vector, qvel: Vector, q: Vector, v: Vector) -> None:
     """Read a state q (nq,), v (nv,) from MuJoCo's arrays."""
-    base, moving = qpos[r.base_position : r.base_position + 7], qvel[r.base_velocity : r.base_velocity + 6]
+    base, moving = (
+        qpos[r.base_position : r.base_position + 7],
+        qvel[r.base_velocity : r.base_velocity + 6],
+    )
     q[:3] = base[:3]
     q[3:6], q[6] = base[4:], base[3]
     v[:3], v[3:6] = rotation_matrix(q[3:7]).T @ moving[:3], moving[3:]

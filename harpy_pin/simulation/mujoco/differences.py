@@ -1,4 +1,6 @@
-"""What a MuJoCo model of a robot has otherwise than the robot: numbers at zero angles, side by side."""
+"""What a MuJoCo model of a robot has otherwise than the robot: numbers at zero angles, side by
+side.
+"""
 
 from __future__ import annotations
 
@@ -28,7 +30,9 @@ INFINITE = np.array([[-np.inf], [np.inf]])
 ENDLESS = 1e3  # angles or lengths beyond it are no end of a joint
 WRONG_IF_SPARSE = "4.0.0"  # MuJoCo whose Newton solver has a wrong Hessian with sparse Jacobians
 LINKS = {"mass": (" kg", None), "centre of mass": (" m", LENGTH), "inertia": (" kg·m²", None)}
-"""What is compared of the links: its unit, and by how much it may differ; None for :data:`SHARE`."""
+"""What is compared of the links: its unit, and by how much it may differ; None for
+:data:`SHARE`.
+"""
 JOINTS = {
     "place of joint": (" m", LENGTH),
     "axis of joint": ("", ANGLE),
@@ -50,25 +54,38 @@ class AtZero:
     Attributes:
         model: without what its options disable.
         bodies: of the robot in the model.
-        link: (bodies,) Pinocchio's index of the joint of the robot that moves each body, 0 for what is no part of it.
+        link: (bodies,) Pinocchio's index of the joint of the robot that moves each body, 0 for what
+            is no part of it.
         theirs: numbers of the model's links and joints, in the robot's order.
         ours: of the robot's.
         foot: (feet, 3) places of the feet, m.
     """
 
-    def __init__(self, mujoco: Any, model: Any, robot: Robot, joints: NDArray[np.int64], free: int) -> None:
+    def __init__(
+        self, mujoco: Any, model: Any, robot: Robot, joints: NDArray[np.int64], free: int
+    ) -> None:
         self.mujoco, self.robot, self.joints, self.model = mujoco, robot, joints, in_effect(model)
-        for joint, name, kind in zip(joints, robot.joints, tree_record(robot.model)["kind"][0, 1:], strict=True):
+        for joint, name, kind in zip(
+            joints, robot.joints, tree_record(robot.model)["kind"][0, 1:], strict=True
+        ):
             if model.jnt_type[joint] != (SLIDE if kind == SLIDING else HINGE):
                 desired = "slide" if kind == SLIDING else "turn about one axis"
-                raise InputError(f"joint '{name}' of the MuJoCo model does not {desired}, as the robot's", name="model")
+                raise InputError(
+                    f"joint '{name}' of the MuJoCo model does not {desired}, as the robot's",
+                    name="model",
+                )
         self.bodies = np.flatnonzero(model.body_rootid == model.jnt_bodyid[free])
         built, held = build_tree(self.model, self.bodies, joints)
         names, data = [joint_name(model, joint) for joint in joints], built.createData()
         self.theirs = _numbers(built, data, names)
-        numbers = {ROOT: ROOT, **{built.getJointId(name): ROOT + 1 + k for k, name in enumerate(names)}}
+        numbers = {
+            ROOT: ROOT,
+            **{built.getJointId(name): ROOT + 1 + k for k, name in enumerate(names)},
+        }
         self.link = np.zeros(model.nbody, np.int64)
-        self._places = {body: data.oMi[joint] * place for body, (joint, place) in held.items() if body}
+        self._places = {
+            body: data.oMi[joint] * place for body, (joint, place) in held.items() if body
+        }
         for body in self._places:
             self.link[body] = numbers[held[body][0]]
         own = robot.model.createData()
@@ -79,23 +96,38 @@ class AtZero:
 
     def place(self, kind: str, number: int) -> pin.SE3:
         """Where a ``site`` or ``geom`` of the robot is."""
-        position, quaternion = getattr(self.model, f"{kind}_pos"), getattr(self.model, f"{kind}_quat")
+        position, quaternion = (
+            getattr(self.model, f"{kind}_pos"),
+            getattr(self.model, f"{kind}_quat"),
+        )
         body = int(getattr(self.model, f"{kind}_bodyid")[number])
         return self._places[body] * placement(position[number], quaternion[number])
 
     def check_joints(self) -> None:
-        """Refuse joints that do not turn or slide about the robot's axes, in its direction and from its zero."""
+        """Refuse joints that do not turn or slide about the robot's axes, in its direction and from
+        its zero.
+        """
         for what, name, most in (
             ("axis or direction of joint", "axis of joint", MAX_TURN),
             ("place of joint", "place of joint", MAX_SHIFT),
             ("place of the link", "centre of mass", MAX_SHIFT),
         ):
             joints = slice(-len(self.joints), None)  # without the base
-            if line := _compared(what, "", self.robot.joints, self.theirs[name][joints], self.ours[name][joints], most):
-                raise InputError(f"the MuJoCo model has other joints than the robot: {line}", name="model")
+            if line := _compared(
+                what,
+                "",
+                self.robot.joints,
+                self.theirs[name][joints],
+                self.ours[name][joints],
+                most,
+            ):
+                raise InputError(
+                    f"the MuJoCo model has other joints than the robot: {line}", name="model"
+                )
 
     def margins(self, link: NDArray[np.int64]) -> Vector:
-        """(feet,) largest distance at which contacts of the feet's links with what is no part of the robot begin, m.
+        """(feet,) largest distance at which contacts of the feet's links with what is no part of
+        the robot begin, m.
 
         Margins of two geoms add up, and MuJoCo holds the two that far apart.
         """
@@ -114,7 +146,9 @@ class AtZero:
 
 
 def _numbers(model: pin.Model, data: pin.Data, joints: Sequence[str]) -> dict[str, Any]:
-    """What the base's link and those of some joints have, and these joints, in the axes of the base at zero angles."""
+    """What the base's link and those of some joints have, and these joints, in the axes of the base
+    at zero angles.
+    """
     pin.forwardKinematics(model, data, pin.neutral(model))
     numbers = [ROOT, *(model.getJointId(name) for name in joints)]
     frames, axes = [data.oMi[n] for n in numbers], tree_record(model)["axis"][0]
@@ -129,7 +163,9 @@ def _numbers(model: pin.Model, data: pin.Data, joints: Sequence[str]) -> dict[st
         "centre of mass": [link.lever for link in links],
         "inertia": [link.inertia for link in links],
         "place of joint": [frame.translation for frame in frames[1:]],
-        "axis of joint": [frame.rotation @ axes[n - ROOT] for n, frame in zip(numbers, frames, strict=True)][1:],
+        "axis of joint": [
+            frame.rotation @ axes[n - ROOT] for n, frame in zip(numbers, frames, strict=True)
+        ][1:],
         "lower end of joint": lower,
         "upper end of joint": upper,
         "armature": model.armature[column],
@@ -148,7 +184,9 @@ def differences(here: AtZero, link: NDArray[np.int64], actuators: NDArray[np.int
         actuators: (joints,) those that drive the joints; none without any.
     """
     robot, theirs, ours = here.robot, here.theirs, here.ours
-    compared = {what: ("the base", *robot.joints) for what in LINKS} | dict.fromkeys(JOINTS, robot.joints)
+    compared = {what: ("the base", *robot.joints) for what in LINKS} | dict.fromkeys(
+        JOINTS, robot.joints
+    )
     lines = {
         what: _compared(what, unit, compared[what], theirs[what], ours[what], most)
         for what, (unit, most) in {**LINKS, **JOINTS}.items()
@@ -163,13 +201,20 @@ def differences(here: AtZero, link: NDArray[np.int64], actuators: NDArray[np.int
         said.append(_compared(what, " N·m", robot.joints, reached, desired))
     gravity = here.model.opt.gravity, robot.model.gravity.linear
     said.append(_compared("gravity", " m/s²", ("the world",), *gravity))
-    margins = named("margin of the contacts, on which it hovers, of foot", robot.feet, here.margins(link), " m")
-    said += [f"the model has {what}" for what in (*left_out(here.model, here.bodies, here.joints), margins) if what]
+    margins = named(
+        "margin of the contacts, on which it hovers, of foot", robot.feet, here.margins(link), " m"
+    )
+    said += [
+        f"the model has {what}"
+        for what in (*left_out(here.model, here.bodies, here.joints), margins)
+        if what
+    ]
     return "\n".join(line for line in (*said, *_settings(here)) if line)
 
 
 def _reached(here: AtZero, actuators: NDArray[np.int64]) -> Vector:
-    """(joints,) torque in both directions that the actuators reach at rest at both ends of the joints, N·m.
+    """(joints,) torque in both directions that the actuators reach at rest at both ends of the
+    joints, N·m.
 
     What cuts it off are the ranges of control, of the actuator's force and of the joint's.
     """
@@ -177,7 +222,11 @@ def _reached(here: AtZero, actuators: NDArray[np.int64]) -> Vector:
     ends = np.array([here.theirs["lower end of joint"], here.theirs["upper end of joint"]])
     control, output = model.actuator_ctrladr[actuators], model.actuator_outadr[actuators]
     ratio, gain = model.actuator_gear[output, 0], model.actuator_gainprm[actuators, 0]
-    bias = np.where((model.actuator_biastype[actuators] == 1)[:, None], model.actuator_biasprm[actuators, :2], 0.0)
+    bias = np.where(
+        (model.actuator_biastype[actuators] == 1)[:, None],
+        model.actuator_biasprm[actuators, :2],
+        0.0,
+    )
     angle = np.where(np.isfinite(ends), ends, 0.0)
     limits = (
         (model.actuator_ctrllimited[control], model.actuator_ctrlrange[control]),
@@ -185,7 +234,9 @@ def _reached(here: AtZero, actuators: NDArray[np.int64]) -> Vector:
         (model.jnt_actfrclimited[joints], model.jnt_actfrcrange[joints]),
     )
     ranges = [np.where(limited, bounds.T, INFINITE) for limited, bounds in limits]
-    force = ranges[0][:, None] * gain + bias[:, 0] + bias[:, 1] * ratio * angle  # (2 controls, 2 angles, joints)
+    force = (
+        ranges[0][:, None] * gain + bias[:, 0] + bias[:, 1] * ratio * angle
+    )  # (2 controls, 2 angles, joints)
     torque = np.sort(ratio * np.clip(force, ranges[1][0], ranges[1][1]), axis=0)
     torque = np.clip(torque, ranges[2][0], ranges[2][1])
     return np.asarray(np.maximum(np.minimum(-torque[0], torque[1]).min(axis=0), 0.0))
@@ -198,24 +249,44 @@ def _settings(here: AtZero) -> list[str]:
     lines = [f"the model has the flag {flag}='disable': nothing carries the feet" for flag in off]
     policy, tree = mujoco.mjtSleepPolicy, model.tree_sleep_policy[model.body_treeid[here.bodies[0]]]
     never = (policy.mjSLEEP_NEVER, policy.mjSLEEP_AUTO_NEVER)
-    if model.opt.enableflags & mujoco.mjtEnableBit.mjENBL_SLEEP and tree not in [int(kind) for kind in never]:
-        lines.append("the robot may sleep in the model, and then has no contacts: give its base sleep='never'")
+    if model.opt.enableflags & mujoco.mjtEnableBit.mjENBL_SLEEP and tree not in [
+        int(kind) for kind in never
+    ]:
+        lines.append(
+            "the robot may sleep in the model, and then has no contacts: give its base "
+            "sleep='never'"
+        )
     newton = model.opt.solver == mujoco.mjtSolver.mjSOL_NEWTON
     if newton and mujoco.mj_isSparse(model) and mujoco.__version__ == WRONG_IF_SPARSE:
-        lines.append(f"Newton's solver is wrong with sparse Jacobians in MuJoCo {WRONG_IF_SPARSE}: jacobian='dense'")
+        lines.append(
+            f"Newton's solver is wrong with sparse Jacobians in MuJoCo {WRONG_IF_SPARSE}: "
+            f"jacobian='dense'"
+        )
     return lines
 
 
 def _compared(
-    what: str, unit: str, names: Sequence[str], theirs: ArrayLike, ours: ArrayLike, most: float | None = None
+    what: str,
+    unit: str,
+    names: Sequence[str],
+    theirs: ArrayLike,
+    ours: ArrayLike,
+    most: float | None = None,
 ) -> str:
-    """A line about the numbers, vectors or matrices that differ by more than ``most``, or by a share of their size."""
+    """A line about the numbers, vectors or matrices that differ by more than ``most``, or by a
+    share of their size.
+    """
     if not names:
         return ""
     a, b = (np.asarray(values, np.float64).reshape(len(names), -1) for values in (theirs, ours))
     with np.errstate(invalid="ignore"):
-        apart, size = np.linalg.norm(a - b, axis=1), np.fmax(np.linalg.norm(a, axis=1), np.linalg.norm(b, axis=1))
-        off = (a != b).any(axis=1) & ~(apart <= (SHARE * size + LEAST if most is None else most)) | np.isinf(apart)
+        apart, size = (
+            np.linalg.norm(a - b, axis=1),
+            np.fmax(np.linalg.norm(a, axis=1), np.linalg.norm(b, axis=1)),
+        )
+        off = (a != b).any(axis=1) & ~(
+            apart <= (SHARE * size + LEAST if most is None else most)
+        ) | np.isinf(apart)
     if not off.any():
         return ""
     worst = int(np.argmax(np.where(off, apart, -1.0)))

@@ -1,4 +1,6 @@
-"""A robot as a MuJoCo model: the bodies, joints, inertias, armatures and dampings of its Pinocchio model."""
+"""A robot as a MuJoCo model: the bodies, joints, inertias, armatures and dampings of its Pinocchio
+model.
+"""
 
 from __future__ import annotations
 
@@ -20,16 +22,19 @@ from harpy_pin.simulation.mujoco.conventions import Conventions, import_mujoco, 
 
 NO_MOMENT = np.zeros(3)
 MIN_MASS, MIN_INERTIA = 1e-12, 1e-12
-"""Least mass and inertia of a body that moves, kg and kg·m²: MuJoCo takes no smaller ones, whatever the
-joint's armature."""
+"""Least mass and inertia of a body that moves, kg and kg·m²: MuJoCo takes no smaller ones, whatever
+the joint's armature.
+"""
 
 
 class MujocoModel(KeepsViews):
-    """A robot above the plane z = 0, which only its feet touch, and its state in MuJoCo. It has no other geometry.
+    """A robot above the plane z = 0, which only its feet touch, and its state in MuJoCo. It has no
+    other geometry.
 
-    A foot is a massless sphere about the foot's point, and the plane lies lower by its radius: they touch where the
-    point is at z = 0. On request every foot has a plane of its own, which may be moved. Joints end where
-    the robot's do; solver, integrator and contact are MuJoCo's defaults, with dense Jacobians.
+    A foot is a massless sphere about the foot's point, and the plane lies lower by its radius: they
+    touch where the point is at z = 0. On request every foot has a plane of its own, which may be
+    moved. Joints end where the robot's do; solver, integrator and contact are MuJoCo's defaults,
+    with dense Jacobians.
 
     Args:
         robot: any that :func:`harpy_pin.model.robot.load_robot` takes.
@@ -41,7 +46,8 @@ class MujocoModel(KeepsViews):
 
     Attributes:
         mujoco: the module.
-        model: ``mujoco.MjModel``; its contact pairs are those of the feet, in the order of ``robot.feet``.
+        model: ``mujoco.MjModel``; its contact pairs are those of the feet, in the order of
+            ``robot.feet``.
         data: ``mujoco.MjData``.
         feet: the feet's geoms, in that order.
         planes: the geoms of their own planes, if there are any, in that order.
@@ -59,14 +65,25 @@ class MujocoModel(KeepsViews):
 
     @checked
     def __init__(
-        self, robot: Robot, *, friction: float, dt: float, gravity: Vector, foot_radius: float, own_planes: bool = False
+        self,
+        robot: Robot,
+        *,
+        friction: float,
+        dt: float,
+        gravity: Vector,
+        foot_radius: float,
+        own_planes: bool = False,
     ) -> None:
         mujoco, self._robot = import_mujoco(), robot
         tree = tree_record(robot.model)
         planes = [f"ground:{foot}" for foot in robot.feet] if own_planes else ["ground"]
-        spec = _describe(mujoco, robot, tree, friction=friction, foot_radius=foot_radius, planes=planes)
+        spec = _describe(
+            mujoco, robot, tree, friction=friction, foot_radius=foot_radius, planes=planes
+        )
         spec.option.timestep = dt
-        spec.option.jacobian = mujoco.mjtJacobian.mjJAC_DENSE  # Newton's solver is wrong with sparse ones in 4.0.0
+        spec.option.jacobian = (
+            mujoco.mjtJacobian.mjJAC_DENSE
+        )  # Newton's solver is wrong with sparse ones in 4.0.0
         spec.option.gravity = checks.vector("gravity", gravity, 3)
         try:
             self.model: Any = spec.compile()
@@ -80,18 +97,23 @@ class MujocoModel(KeepsViews):
         self.feet = [int(self.model.geom(f"foot:{foot}").id) for foot in robot.feet]
         self.planes = [int(self.model.geom(name).id) for name in planes if own_planes]
         self._sizes = (robot.model.nq, robot.model.nv)
-        self._base = int(self.model.jnt_bodyid[self.model.joint(f"joint:{robot.model.names[1]}").id])
+        self._base = int(
+            self.model.jnt_bodyid[self.model.joint(f"joint:{robot.model.names[1]}").id]
+        )
         self._make_anew()
 
     def _make_anew(self) -> None:
-        """Views of MuJoCo's data, which stay where they are; asking for them anew costs as much as half a step."""
+        """Views of MuJoCo's data, which stay where they are; asking for them anew costs as much as
+        half a step.
+        """
         data, robot, self.mujoco = self.data, self._robot, import_mujoco()
         self.qpos, self.qvel, self._applied = data.qpos, data.qvel, data.qfrc_applied
         self._body_position = data.xpos[self._base]
         sites = [self.model.site(f"thruster:{name}") for name in robot.thrusters]
         drags = [0.0] * (len(sites) - len(robot.rotors)) + [rotor.drag for rotor in robot.rotors]
         self._mounts = [
-            (int(site.bodyid[0]), data.site_xpos[int(site.id)], drag) for site, drag in zip(sites, drags, strict=True)
+            (int(site.bodyid[0]), data.site_xpos[int(site.id)], drag)
+            for site, drag in zip(sites, drags, strict=True)
         ]
 
     @checked
@@ -129,11 +151,19 @@ class MujocoModel(KeepsViews):
         except (TypeError, ValueError, OverflowError):
             checks.array("torque", torque, self._sizes[1] - 6)
             checks.array("thrust", thrust, (len(self._mounts), 3))
-            raise InputError("push must be three numbers in float64", name="push", value=push) from None
+            raise InputError(
+                "push must be three numbers in float64", name="push", value=push
+            ) from None
 
 
 def _describe(
-    mujoco: Any, robot: Robot, tree: Any, *, friction: float, foot_radius: float, planes: Sequence[str]
+    mujoco: Any,
+    robot: Robot,
+    tree: Any,
+    *,
+    friction: float,
+    foot_radius: float,
+    planes: Sequence[str],
 ) -> Any:
     """``mujoco.MjSpec`` of a robot and the plane of that name, or one for each foot."""
     model, t = robot.model, tree[0]
@@ -142,7 +172,12 @@ def _describe(
     sphere, plane = mujoco.mjtGeom.mjGEOM_SPHERE, mujoco.mjtGeom.mjGEOM_PLANE
     for name in planes:
         spec.worldbody.add_geom(
-            name=name, type=plane, size=(0, 0, 1), pos=(0, 0, -foot_radius), contype=0, conaffinity=0
+            name=name,
+            type=plane,
+            size=(0, 0, 1),
+            pos=(0, 0, -foot_radius),
+            contype=0,
+            conaffinity=0,
         )
     bodies: list[Any] = []
     for i, name in enumerate(list(model.names)[1:]):
@@ -158,7 +193,11 @@ def _describe(
             explicitinertial=True,
         )
         if i:
-            kind = mujoco.mjtJoint.mjJNT_SLIDE if t["kind"][i] == SLIDING else mujoco.mjtJoint.mjJNT_HINGE
+            kind = (
+                mujoco.mjtJoint.mjJNT_SLIDE
+                if t["kind"][i] == SLIDING
+                else mujoco.mjtJoint.mjJNT_HINGE
+            )
             joint = body.add_joint(name=f"joint:{name}", type=kind, axis=t["axis"][i])
             joint.armature = float(model.armature[t["column"][i]])
             ends = model.lowerPositionLimit[t["place"][i]], model.upperPositionLimit[t["place"][i]]
@@ -183,15 +222,17 @@ def _describe(
         pair.friction = (friction, friction, 0.005, 0.0001, 0.0001)
     for thruster in robot.thrusters:
         frame = model.frames[robot.frame_id(thruster)]
-        bodies[frame.parentJoint - 1].add_site(name=f"thruster:{thruster}", pos=frame.placement.translation)
+        bodies[frame.parentJoint - 1].add_site(
+            name=f"thruster:{thruster}", pos=frame.placement.translation
+        )
     return spec
 
 
 def _body_inertia(inertia: Vector) -> list[float]:
     """The inertia (3, 3) as MuJoCo reads it: xx, yy, zz, xy, xz, yz.
 
-    Where rounding in a file made it that of no body, by at most what :func:`harpy_pin.model.urdf.build_model` lets
-    pass, the same moment is added about every axis.
+    Where rounding in a file made it that of no body, by at most what
+    :func:`harpy_pin.model.urdf.build_model` lets pass, the same moment is added about every axis.
     """
     smallest, middle, largest = np.linalg.eigvalsh(inertia)
     missing = max(MIN_INERTIA - smallest, largest - smallest - middle)

@@ -1,19 +1,21 @@
 """The plant that steps in MuJoCo.
 
-**Contact.** MuJoCo's constraint on the gap r of a contact reads A f + a₀ + R f = −b ṙ − k r, where A f + a₀ is the
-acceleration of the gap. ``solref`` and ``solimp`` make R = 1 / ((d + k' Δt) Δt), b = 1 / Δt and k = k' R. Then
+**Contact.** MuJoCo's constraint on the gap r of a contact reads A f + a₀ + R f = −b ṙ − k r, where
+A f + a₀ is the acceleration of the gap. ``solref`` and ``solimp`` make R = 1 / ((d + k' Δt) Δt), b
+= 1 / Δt and k = k' R. Then
 
     f = −k' (r + Δt ṙ⁺) − d ṙ⁺
 
-the spring k' and the damper d of the ground at the *end* of the step, as in this library's own plant. The same b
-brings a sticking foot to rest within a step, up to the creep that ``impratio`` leaves.
+the spring k' and the damper d of the ground at the *end* of the step, as in this library's own
+plant. The same b brings a sticking foot to rest within a step, up to the creep that ``impratio``
+leaves.
 
-**Terrain.** On ground that is not flat every foot has a plane of its own, which lies before each step where the tangent
-plane of the ground below the foot is: all plants walk on the same surface.
+**Terrain.** On ground that is not flat every foot has a plane of its own, which lies before each
+step where the tangent plane of the ground below the foot is: all plants walk on the same surface.
 
-**Points.** A contact lies half-way between the plane and the deepest point of the sphere, so that a leg rolls over the
-sphere's radius and over half the penetration. Every step therefore moves the contacts to the feet's points before the
-constraints are made.
+**Points.** A contact lies half-way between the plane and the deepest point of the sphere, so that a
+leg rolls over the sphere's radius and over half the penetration. Every step therefore moves the
+contacts to the feet's points before the constraints are made.
 """
 
 from __future__ import annotations
@@ -45,18 +47,20 @@ TOLERANCE = 1e-12
 
 
 class MujocoPlant(SteppedPlant):
-    """A robot in MuJoCo: elliptic friction cones, Newton's solver, Euler steps that are implicit in the joint damping.
+    """A robot in MuJoCo: elliptic friction cones, Newton's solver, Euler steps that are implicit in
+    the joint damping.
 
     Args:
         robot: any that :func:`harpy_pin.model.robot.load_robot` takes.
         ground: stiffness, damping and static friction coefficients, on strips too; see
-            :func:`harpy_pin.simulation.mujoco.preset_ground`. MuJoCo has no other friction: what slides does so at μ_s.
+            :func:`harpy_pin.simulation.mujoco.preset_ground`. MuJoCo has no other friction: what
+            slides does so at μ_s.
         dt: physics step, s.
         gravity: (3,) gravity vector, m/s².
-        actuators: motors, joint friction and thrusters; those of the model by default. MuJoCo's Coulomb friction
-            (``frictionloss``) creeps a little under a torque that it holds.
-        contact: MuJoCo's own contact instead of the ground's stiffness and damping; :attr:`ground` then has those that
-            the robot's weight finds.
+        actuators: motors, joint friction and thrusters; those of the model by default. MuJoCo's
+            Coulomb friction (``frictionloss``) creeps a little under a torque that it holds.
+        contact: MuJoCo's own contact instead of the ground's stiffness and damping; :attr:`ground`
+            then has those that the robot's weight finds.
         foot_radius: of spheres that roll over the ground, m; feet are points by default.
 
     Attributes:
@@ -87,14 +91,24 @@ class MujocoPlant(SteppedPlant):
     ) -> None:
         ground = ground if ground is not None else Ground()
         if ground.cone != "circular":
-            raise InputError("MuJoCo's friction cone is circular, not per_axis", name="ground", value=ground)
-        if (ground.surface is not None or ground.stiffness_strips) and (contact is not None or foot_radius):
-            message = "on terrain or strips feet are points with the ground's own contact: no contact, no foot_radius"
+            raise InputError(
+                "MuJoCo's friction cone is circular, not per_axis", name="ground", value=ground
+            )
+        if (ground.surface is not None or ground.stiffness_strips) and (
+            contact is not None or foot_radius
+        ):
+            message = (
+                "on terrain or strips feet are points with the ground's own contact: no "
+                "contact, no foot_radius"
+            )
             raise InputError(message, name="ground", value=ground)
         feet = len(robot.feet)
         super().__init__(robot, ground, dt=dt, gravity=gravity, actuators=actuators)
         self._flat = bool(self._terrain["level"][0])
-        self.contact, self.foot_radius = contact, checks.number("foot_radius", foot_radius, low=0.0, high=1.0)
+        self.contact, self.foot_radius = (
+            contact,
+            checks.number("foot_radius", foot_radius, low=0.0, high=1.0),
+        )
         self._inside = inside = MujocoModel(
             self.robot,
             friction=ground.mu_s,
@@ -110,7 +124,9 @@ class MujocoPlant(SteppedPlant):
         self._planes = np.zeros((feet, 7))
         self.model.geom_sameframe[inside.planes] = 0  # they are where the plant puts them
         self._foot_of = {geom: k for k, geom in enumerate(inside.feet)}
-        self.inverse_mass: Vector = self.model.body_invweight0[self.model.geom_bodyid[inside.feet], 0].copy()
+        self.inverse_mass: Vector = self.model.body_invweight0[
+            self.model.geom_bodyid[inside.feet], 0
+        ].copy()
         self._rolled, self._turning = np.zeros((feet, 3)), np.zeros(6)
         if contact is None:
             _set_options(inside.mujoco, self.model.opt)
@@ -128,8 +144,16 @@ class MujocoPlant(SteppedPlant):
         """Version, and the contact's numbers."""
         model, contact = self.model, {}
         if model.npair:
-            contact = {"solref": model.pair_solref[0].tolist(), "impedance": float(model.pair_solimp[0, 0])}
-        about = {"name": self.name, "version": installed_version(), **contact, "impratio": float(model.opt.impratio)}
+            contact = {
+                "solref": model.pair_solref[0].tolist(),
+                "impedance": float(model.pair_solimp[0, 0]),
+            }
+        about = {
+            "name": self.name,
+            "version": installed_version(),
+            **contact,
+            "impratio": float(model.opt.impratio),
+        }
         if self.contact is not None:
             about |= {"solimp": list(self.contact.solimp), "cone": self.contact.cone}
         return about | ({"foot_radius": self.foot_radius} if self.foot_radius else {})
@@ -141,11 +165,15 @@ class MujocoPlant(SteppedPlant):
         self._rolled[:] = 0.0
 
     def _step(self, torque: Vector, push: Vector | None) -> bool:
-        """What ``mj_step`` does, with the contacts at the feet's points; returns whether it makes sense to go on."""
+        """What ``mj_step`` does, with the contacts at the feet's points; returns whether it makes
+        sense to go on.
+        """
         inside, model, data = self._inside, self.model, self.data
         mj = inside.mujoco
         if self.ground.friction_strips:
-            model.pair_friction[:, :2] = self.ground.friction(self.dynamics.foot_position[:, 0])[:, None]
+            model.pair_friction[:, :2] = self.ground.friction(self.dynamics.foot_position[:, 0])[
+                :, None
+            ]
         if self.ground.stiffness_strips:
             self._follow_stiffness()
         if not self._flat:
@@ -178,16 +206,20 @@ class MujocoPlant(SteppedPlant):
             update(model, data)
         for foot, geom in enumerate(inside.feet):
             # Half-way between the plane and the lowest point.
-            way = self.dt * (self.foot_radius + 0.5 * min(self.dynamics.foot_position[foot, 2], 0.0))
+            way = self.dt * (
+                self.foot_radius + 0.5 * min(self.dynamics.foot_position[foot, 2], 0.0)
+            )
             mj.mj_objectVelocity(model, data, mj.mjtObj.mjOBJ_GEOM, geom, self._turning, 0)
             self._rolled[foot, 0] -= way * self._turning[1]
             self._rolled[foot, 1] += way * self._turning[0]
 
     def _set_stiffness(self, pair: int, stiffness: float, damping: float | None) -> None:
-        """Spring, N/m, and damper, N·s/m, of a foot's contact, as ``solref`` and the impedance d of ``solimp``.
+        """Spring, N/m, and damper, N·s/m, of a foot's contact, as ``solref`` and the impedance d of
+        ``solimp``.
 
-        MuJoCo takes R = (1 − d)/d A₀, with A₀ its own estimate of the inverse mass, 1/kg. A negative ``solref`` gives
-        it the rates k = −solref₀ / d and b = −solref₁ / d where d is constant.
+        MuJoCo takes R = (1 − d)/d A₀, with A₀ its own estimate of the inverse mass, 1/kg. A
+        negative ``solref`` gives it the rates k = −solref₀ / d and b = −solref₁ / d where d is
+        constant.
         """
         assert damping is not None
         inverse, model = float(self.inverse_mass[pair]), self.model
@@ -200,7 +232,9 @@ class MujocoPlant(SteppedPlant):
     def _follow_stiffness(self) -> None:
         """The stiffness of the place where each foot is, with the ground's damping ratio."""
         assert self.ground.damping is not None
-        for pair, stiffness in enumerate(self.ground.stiffness_at(self.dynamics.foot_position[:, 0]).tolist()):
+        for pair, stiffness in enumerate(
+            self.ground.stiffness_at(self.dynamics.foot_position[:, 0]).tolist()
+        ):
             damping = self.ground.damping * float(np.sqrt(stiffness / self.ground.stiffness))
             self._set_stiffness(pair, stiffness, damping)
 
@@ -210,15 +244,22 @@ class MujocoPlant(SteppedPlant):
         if len(self.inverse_mass) and load > 0.0:
             inverse = float(self.inverse_mass.mean())
             share = load / len(self.inverse_mass)
-            stiffness, damping = contact.ground(share, inverse_mass=inverse, friction=self.ground.mu_s)
+            stiffness, damping = contact.ground(
+                share, inverse_mass=inverse, friction=self.ground.mu_s
+            )
             self.ground = replace(self.ground, stiffness=stiffness, damping=damping)
 
     def _move_planes(self) -> None:
         """Put the plane of every foot where the ground's tangent plane below the foot is."""
         below = self.foot_radius or FOOT_RADIUS
-        tangent_planes(self._record_, self._terrain, self.dynamics.foot_position, below, self._planes)
+        tangent_planes(
+            self._record_, self._terrain, self.dynamics.foot_position, below, self._planes
+        )
         planes = self._inside.planes
-        self.model.geom_pos[planes], self.model.geom_quat[planes] = self._planes[:, :3], self._planes[:, 3:]
+        self.model.geom_pos[planes], self.model.geom_quat[planes] = (
+            self._planes[:, :3],
+            self._planes[:, 3:],
+        )
 
     def _move_contacts(self) -> None:
         """Put every contact where its foot's point is, and make the constraints anew."""
@@ -249,4 +290,6 @@ def _set_options(mujoco: Any, option: Any) -> None:
     option.iterations = ITERATIONS
     option.tolerance = TOLERANCE
     # One robot is one island. REFSAFE would bound the rates that are set on purpose.
-    option.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_ISLAND) | int(mujoco.mjtDisableBit.mjDSBL_REFSAFE)
+    option.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_ISLAND) | int(
+        mujoco.mjtDisableBit.mjDSBL_REFSAFE
+    )

@@ -39,7 +39,8 @@ UPLOT = "1.6.32"
 DIGITS = 4
 """Digits of a number on a chart."""
 CAPTION = (
-    "A foot holds as long as the ground's force on it (blue arrow) stays inside its friction cone (light blue). "
+    "A foot holds as long as the ground's force on it (blue arrow) stays inside its friction cone "
+    "(light blue). "
     "While a foot slides its cone is red, and it leaves a dark mark."
 )
 
@@ -58,7 +59,9 @@ def build_page(shown: Sequence[Shown]) -> str:
         "meshcat": files("meshcat").joinpath("viewer/dist/main.min.js").read_text(encoding="utf-8"),
         "uplot": asset("uPlot.iife.min.js"),
         "content": pack(content),
-        "scripts": "".join(asset(f"{name}.js") for name in ("unpack", "scene", "charts", "labels", "player")),
+        "scripts": "".join(
+            asset(f"{name}.js") for name in ("unpack", "scene", "charts", "labels", "player")
+        ),
     }
     # One pass, so that nothing that was put in is read as a placeholder.
     head, *parts = asset("page.html").split("{{")
@@ -77,14 +80,25 @@ def _page_content(shown: Sequence[Shown]) -> dict[str, Any]:
     moments = [telling_moment(one.frames) for one in shown]
     worst = max(range(len(shown)), key=lambda k: moments[k].power)
     reason = moments[worst].reason
-    scores = [] if alone or any(len(one.frames.run) < 2 for one in shown) else scoreboard([o.frames.run for o in shown])
+    scores = (
+        []
+        if alone or any(len(one.frames.run) < 2 for one in shown)
+        else scoreboard([o.frames.run for o in shown])
+    )
     return {
         "title": title if alone else " · ".join(one.name for one in shown),
         "heading": f"{first.robot.name} – {shown[0].name if alone else 'side by side'}",
         "caption": CAPTION,
-        "facts": [fact for fact in facts if alone and not (named and fact[0] in ("controller", "governor"))],
+        "facts": [
+            fact
+            for fact in facts
+            if alone and not (named and fact[0] in ("controller", "governor"))
+        ],
         "key": _key([one.frames for one in shown]),
-        "moment": {"time": moments[worst].time, "reason": reason if alone else f"{shown[worst].name}: {reason}"},
+        "moment": {
+            "time": moments[worst].time,
+            "reason": reason if alone else f"{shown[worst].name}: {reason}",
+        },
         "duration": max(float(one.frames.time[-1]) for one in shown),
         "fps": max(one.frames.fps for one in shown),
         "runs": [_run_content(one) for one in shown],
@@ -109,9 +123,11 @@ def _run_content(one: Shown) -> dict[str, Any]:
 
 
 def _encode(charts: Sequence[Chart], shown: Sequence[Shown]) -> dict[str, Any]:
-    """Charts as the page reads them: one row of times for all lines, extremes over equal spans, null for no value.
+    """Charts as the page reads them: one row of times for all lines, extremes over equal spans,
+    null for no value.
 
-    Each line has its values at the frames, too: the numbers beside it are those of the scene's instant.
+    Each line has its values at the frames, too: the numbers beside it are those of the scene's
+    instant.
     """
     times = [one.frames.run["t"] - one.frames.run["t"][0] for one in shown]
     clock, frames = Clock.of(times), max((one.frames.time for one in shown), key=len)
@@ -120,7 +136,11 @@ def _encode(charts: Sequence[Chart], shown: Sequence[Shown]) -> dict[str, Any]:
         "frames": np.round(frames, 6).tolist(),
         "charts": [
             vars(chart)
-            | {"level": None if chart.level is None else {"value": chart.level[0], "label": chart.level[1]}}
+            | {
+                "level": None
+                if chart.level is None
+                else {"value": chart.level[0], "label": chart.level[1]}
+            }
             | {"lines": [_encode_line(line, clock, frames) for line in chart.lines]}
             for chart in charts
         ],
@@ -132,31 +152,54 @@ def _encode_line(line: Line, clock: Clock, frames: Vector) -> dict[str, Any]:
     style = {name: getattr(line, name) for name in ("label", "colour", "dashed", "filled")}
     row = np.minimum(np.searchsorted(line.time, frames - 0.5 * clock.period), len(line.time) - 1)
     at_frames = np.where(frames <= line.time[-1] + clock.period, line.values[row], np.nan)
-    return style | {"values": _short(clock.thin(line.time, line.values)), "shown": _short(at_frames)}
+    return style | {
+        "values": _short(clock.thin(line.time, line.values)),
+        "shown": _short(at_frames),
+    }
 
 
 def _short(values: Vector) -> list[float | None]:
     """Numbers of few digits; None where there is none."""
-    return [float(f"{value:.{DIGITS}g}") if np.isfinite(value) else None for value in values.tolist()]
+    return [
+        float(f"{value:.{DIGITS}g}") if np.isfinite(value) else None for value in values.tolist()
+    ]
 
 
 def _key(shown: Sequence[Frames]) -> list[dict[str, str]]:
-    """What the colours of the scene mean; the name is that of the value of the moment, where there is one."""
+    """What the colours of the scene mean; the name is that of the value of the moment, where there
+    is one.
+    """
     frames, references = shown[0], {label for one in shown for label in one.references}
     scales = Scales.of(frames.robot, float(frames["q"][0, 2]))
     ground, floor = frames.ground, normal_floor(frames.run)
     rows = [("contact", CONTACT, "contact force", f"{scales.force:g} N per metre")]
     if ground is not None:
-        rows.append(("friction", FRICTION, "friction cone", "share of the friction that each foot uses"))
+        rows.append(
+            ("friction", FRICTION, "friction cone", "share of the friction that each foot uses")
+        )
         rows.append(("", SLIDING, "foot slides", ""))
         rows.append(("", SLIP, "slip mark", ""))
         if floor is not None:
-            rows.append(("", FLOOR, f"ring: floor of f_z, {floor:.3g} N", "the smallest normal force that is asked"))
+            rows.append(
+                (
+                    "",
+                    FLOOR,
+                    f"ring: floor of f_z, {floor:.3g} N",
+                    "the smallest normal force that is asked",
+                )
+            )
     rows.append(("", PRESSURE, "centre of pressure", ""))
     if any(one.robot.thrusters for one in shown):
         rows.append(("thrust", THRUST, "thrust", f"{scales.force:g} N per metre"))
     if "target" in references:
-        rows.append(("target", TARGET, "target x_r", "distance from the body; its path is drawn on the ground"))
+        rows.append(
+            (
+                "target",
+                TARGET,
+                "target x_r",
+                "distance from the body; its path is drawn on the ground",
+            )
+        )
     if "applied" in references:
         rows.append(("applied", APPLIED, "applied x_w", "distance from the body"))
     if "estimate" in references:
@@ -177,7 +220,10 @@ def _values(frames: Frames) -> dict[str, list[str]]:
     if contacts.mu is not None:
         used = 100.0 * np.minimum(contacts.used, 1.0)
         values["friction"] = [
-            " · ".join("–" if n <= 0.0 else "slides" if s else f"{u:.0f} %" for n, s, u in zip(*row, strict=True))
+            " · ".join(
+                "–" if n <= 0.0 else "slides" if s else f"{u:.0f} %"
+                for n, s, u in zip(*row, strict=True)
+            )
             for row in zip(contacts.normal, contacts.slides, used, strict=True)
         ]
     if thrust.shape[1]:
@@ -195,4 +241,6 @@ def _list(row: Vector, form: str, unit: str) -> str:
 
 def pack(content: Any) -> str:
     """Plain data as one word of base64 (zlib over JSON)."""
-    return base64.b64encode(zlib.compress(json.dumps(content, allow_nan=False).encode("ascii"), 6)).decode("ascii")
+    return base64.b64encode(
+        zlib.compress(json.dumps(content, allow_nan=False).encode("ascii"), 6)
+    ).decode("ascii")

@@ -1,4 +1,6 @@
-"""The charts of runs: what is plotted over time, in which words and colours, and how few points show it."""
+"""The charts of runs: what is plotted over time, in which words and colours, and how few points
+show it.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +10,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from harpy_pin.log.optional import control_period, given_thrust, given_torque, optional_signal, tick_times
+from harpy_pin.log.optional import (
+    control_period,
+    given_thrust,
+    given_torque,
+    optional_signal,
+    tick_times,
+)
 from harpy_pin.log.power import PRESETS
 from harpy_pin.model.state import Vector
 from harpy_pin.view.page.shown import Shown
@@ -44,13 +52,17 @@ class Chart:
     title: str  # what is plotted
     unit: str  # of the values
     lines: Sequence[Line] = ()  # of the chart; one without lines is not drawn
-    level: tuple[float, str] | None = None  # a value that is marked across the chart, and what it is
+    level: tuple[float, str] | None = (
+        None  # a value that is marked across the chart, and what it is
+    )
     low: float | None = None  # smallest value of the axis; from the lines where it is None
     high: float | None = None  # largest value of the axis; from the lines where it is None
 
 
 def charts_of(shown: Sequence[Shown]) -> list[Chart]:
-    """The charts of one run, or those that compare several; signals that were not logged have none."""
+    """The charts of one run, or those that compare several; signals that were not logged have
+    none.
+    """
     if len(shown) == 1:
         charts = _Charts(shown[0].frames).all
     else:
@@ -87,9 +99,13 @@ class _Charts:
         if contacts.mu is not None:
             bound = contacts.mu * normal
             margin = self.lines(self.feet, _where(contacts.touching, contacts.margin))
-            yield Chart("Feet", "friction margin μ·f_z − |f_t|", "N", margin, level=(0.0, "none left"))
+            yield Chart(
+                "Feet", "friction margin μ·f_z − |f_t|", "N", margin, level=(0.0, "none left")
+            )
         for k, given in enumerate(self.lines(self.feet, tangential)):
-            lines = [] if bound is None else [self.line("μ·f_z", FRICTION, bound[:, k], filled=True)]
+            lines = (
+                [] if bound is None else [self.line("μ·f_z", FRICTION, bound[:, k], filled=True)]
+            )
             lines.append(replace(given, label="|f_t| given"))
             if demanded is not None:
                 force = _where(demanded[:, k, 2] > 0.0, contacts.tangential_of(demanded[:, k]))
@@ -106,22 +122,37 @@ class _Charts:
         yield Chart("Feet", "slip so far", "mm", self.lines(self.feet, _slip(self.frames)), low=0.0)
 
     def of_body(self) -> Iterable[Chart]:
-        """Body, target x_r and applied reference x_w along each axis; forward as the distance from the target."""
+        """Body, target x_r and applied reference x_w along each axis; forward as the distance from
+        the target.
+        """
         body, references = 1e3 * self.run["q"][:, :3], self.frames.references
         places = [("body x", DARK, body, False)]
-        for label, text, colour in (("target", "target x_r", TARGET), ("applied", "applied x_w", APPLIED)):
+        for label, text, colour in (
+            ("target", "target x_r", TARGET),
+            ("applied", "applied x_w", APPLIED),
+        ):
             if label in references:
                 places.append((text, colour, 1e3 * references[label], label == "target"))
         if "estimate" in references:
             off = 1e3 * references["estimate"] - body
-            lines = [self.line(axis, c, off[:, n]) for n, (axis, c) in enumerate(zip("xyz", FEET, strict=False))]
+            lines = [
+                self.line(axis, c, off[:, n])
+                for n, (axis, c) in enumerate(zip("xyz", FEET, strict=False))
+            ]
             yield Chart("Body", "estimate less the true place", "mm", lines)
         if "target" in references:
             target = 1e3 * references["target"][:, 0]
-            away = [self.line(f"{n} − x_r", c, p[:, 0] - target) for n, c, p, dashed in places if not dashed]
+            away = [
+                self.line(f"{n} − x_r", c, p[:, 0] - target)
+                for n, c, p, dashed in places
+                if not dashed
+            ]
             yield Chart("Body", "forward, from the target", "mm", away, level=(0.0, "target"))
         for axis, title in ((1, "sideways"), (2, "height")):
-            lines = [self.line(name, colour, place[:, axis], dashed=dashed) for name, colour, place, dashed in places]
+            lines = [
+                self.line(name, colour, place[:, axis], dashed=dashed)
+                for name, colour, place, dashed in places
+            ]
             yield Chart("Body", title, "mm", lines)
 
     def of_commands(self) -> Iterable[Chart]:
@@ -131,26 +162,47 @@ class _Charts:
             return
         for axis, (title, unit) in enumerate(COMMANDS):
             given, size = applied[:, axis], np.abs(applied[:, axis])
-            reach = 1.5 * float(np.max(size, initial=0.1, where=size < MAX_COMMAND))  # what is beyond leaves the chart
-            lines = [self.line("command", TARGET, command[:, axis], dashed=True), self.line("applied", APPLIED, given)]
+            reach = 1.5 * float(
+                np.max(size, initial=0.1, where=size < MAX_COMMAND)
+            )  # what is beyond leaves the chart
+            lines = [
+                self.line("command", TARGET, command[:, axis], dashed=True),
+                self.line("applied", APPLIED, given),
+            ]
             yield Chart("Command", title, unit, lines, low=-reach, high=reach)
 
     def of_effort(self) -> Iterable[Chart]:
         """Thrusts, power and the time of a tick."""
         run = self.run
         thrusters = [name.replace("_", " ") for name in self.frames.robot.thrusters]
-        yield Chart("Effort", "thrust", "N", self.lines(thrusters, np.linalg.norm(run["thrust"], axis=2)), low=0.0)
+        yield Chart(
+            "Effort",
+            "thrust",
+            "N",
+            self.lines(thrusters, np.linalg.norm(run["thrust"], axis=2)),
+            low=0.0,
+        )
         yield Chart("Effort", "power", "W", self._power())
         times = tick_times(run)
         if times is not None:
             tick = [self.line("one tick of the controller", CONTACT, times)]
             yield Chart("Effort", "time of a tick", "µs", tick, low=0.0, high=_ordinary(tick))
-        if "infeasible" in run and run["infeasible"].ndim == 1 and run["infeasible"].dtype.kind in "biuf":
-            without = self.line("constraints that no reference meets", SLIDING, run["infeasible"] * 1.0, filled=True)
-            yield Chart("Effort", "governor without a way out", "0 or 1", [without], low=0.0, high=1.2)
+        if (
+            "infeasible" in run
+            and run["infeasible"].ndim == 1
+            and run["infeasible"].dtype.kind in "biuf"
+        ):
+            without = self.line(
+                "constraints that no reference meets", SLIDING, run["infeasible"] * 1.0, filled=True
+            )
+            yield Chart(
+                "Effort", "governor without a way out", "0 or 1", [without], low=0.0, high=1.2
+            )
 
     def _power(self) -> list[Line]:
-        """What a battery gives, and who takes it; without one what joints do, and what fans of 18 N from 1 kW take."""
+        """What a battery gives, and who takes it; without one what joints do, and what fans of 18 N
+        from 1 kW take.
+        """
         run, energy = self.run, optional_signal(self.run, "battery_energy")
         if energy is not None:
             if len(run) < 2:
@@ -167,8 +219,13 @@ class _Charts:
         return lines
 
     def _demanded(self) -> Vector | None:
-        """(n, feet, 3) force that the controller desired, about the normals, N; None where it was not logged."""
-        force = next((self.run[name] for name in ("desired_force", "demanded_force") if name in self.run), None)
+        """(n, feet, 3) force that the controller desired, about the normals, N; None where it was
+        not logged.
+        """
+        force = next(
+            (self.run[name] for name in ("desired_force", "demanded_force") if name in self.run),
+            None,
+        )
         if force is None or force.shape != self.contacts.force.shape or force.dtype.kind != "f":
             return None
         return about_normals(self.frames.surface, self.contacts.position, force)
@@ -179,7 +236,9 @@ def _is_velocity(signal: Vector) -> bool:
     return signal.dtype.kind == "f" and signal.ndim == 2 and signal.shape[1] >= len(COMMANDS)
 
 
-def _compared(chart: Chart, values_of: Callable[[Frames], Vector | None], shown: Sequence[Shown]) -> Chart:
+def _compared(
+    chart: Chart, values_of: Callable[[Frames], Vector | None], shown: Sequence[Shown]
+) -> Chart:
     """A chart with one line for each run."""
     lines = []
     for one in shown:
@@ -220,9 +279,25 @@ def _thrust(frames: Frames) -> Vector | None:
 
 
 COMPARED: tuple[tuple[Chart, Callable[[Frames], Vector | None]], ...] = (
-    (Chart("Feet", "slip so far, all feet", "mm", low=0.0), lambda frames: _slip(frames).sum(axis=1)),
-    (Chart("Feet", "friction used, worst foot", "%", level=(100.0, "all of it"), low=0.0, high=130.0), _worst_used),
-    (Chart("Feet", "normal force, all feet", "N", low=0.0), lambda frames: frames.contacts.normal.sum(axis=1)),
+    (
+        Chart("Feet", "slip so far, all feet", "mm", low=0.0),
+        lambda frames: _slip(frames).sum(axis=1),
+    ),
+    (
+        Chart(
+            "Feet",
+            "friction used, worst foot",
+            "%",
+            level=(100.0, "all of it"),
+            low=0.0,
+            high=130.0,
+        ),
+        _worst_used,
+    ),
+    (
+        Chart("Feet", "normal force, all feet", "N", low=0.0),
+        lambda frames: frames.contacts.normal.sum(axis=1),
+    ),
     (Chart("Body", "distance from the target", "mm", low=0.0), _distance),
     (Chart("Effort", "thrust, all thrusters", "N", low=0.0), _thrust),
     (Chart("Effort", "time of a tick", "µs", low=0.0), lambda frames: tick_times(frames.run)),
@@ -231,7 +306,9 @@ COMPARED: tuple[tuple[Chart, Callable[[Frames], Vector | None]], ...] = (
 
 
 def _ordinary(lines: Sequence[Line]) -> float | None:
-    """An axis on which the first tick, which loads what is compiled, does not flatten all others."""
+    """An axis on which the first tick, which loads what is compiled, does not flatten all
+    others.
+    """
     finite = [line.values[np.isfinite(line.values)] for line in lines if len(line.values) > 1]
     values = [np.quantile(part, 0.995) for part in finite if len(part)]
     return float(1.5 * max(values)) if values else None
@@ -265,7 +342,9 @@ class Clock:
         return np.stack((begin, begin + 0.5 * self.width), axis=1).ravel()
 
     def thin(self, time: Vector, signal: Vector) -> Vector:
-        """(2 count,) smallest and largest value of each span, as they come; NaN where it has none."""
+        """(2 count,) smallest and largest value of each span, as they come; NaN where it has
+        none.
+        """
         span = np.minimum(((time + 0.5 * self.period) / self.width).astype(np.intp), self.count - 1)
         known = np.isfinite(signal)
         rows, span, signal = np.flatnonzero(known), span[known], signal[known]

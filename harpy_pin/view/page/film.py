@@ -51,9 +51,16 @@ class _Kind(NamedTuple):
     options: dict[str, Any]  # of the encoder
 
 
-ONE_PALETTE = "split[a][b];[a]palettegen=stats_mode=full[p];[b][p]paletteuse=dither=none:diff_mode=rectangle"
+ONE_PALETTE = (
+    "split[a][b];[a]palettegen=stats_mode=full[p];[b][p]paletteuse=dither=none:diff_mode=rectangle"
+)
 """All frames share their colours: what does not move stays as it is, and costs nothing."""
-GIF = {"codec": "gif", "pix_fmt_out": "pal8", "quality": None, "output_params": ["-vf", ONE_PALETTE, "-loop", "0"]}
+GIF = {
+    "codec": "gif",
+    "pix_fmt_out": "pal8",
+    "quality": None,
+    "output_params": ["-vf", ONE_PALETTE, "-loop", "0"],
+}
 KINDS = {  # GIF counts in hundredths of a second
     ".gif": _Kind(12.5, (640, 400), 1, OVERSAMPLING, GIF),
     ".mp4": _Kind(25.0, (1200, 675), 2, 1, {"quality": 7}),
@@ -69,14 +76,17 @@ def find_chromium() -> str:
     for name in NAMES:
         if (found := shutil.which(name)) is not None:
             return found
-    raise HarpyError(f"no Chromium on PATH (tried {', '.join(NAMES)}); install one to take pictures of a replay")
+    raise HarpyError(
+        f"no Chromium on PATH (tried {', '.join(NAMES)}); install one to take pictures of a replay"
+    )
 
 
 class Film(AbstractContextManager["Film"]):
     """Takes pictures of a page of runs; ends with its ``with`` block.
 
-    Its Chromium is Playwright's own where that is installed, else the one on the search path. Playwright works in a
-    thread of its own: beside a running event loop, as in a notebook, it would refuse.
+    Its Chromium is Playwright's own where that is installed, else the one on the search path.
+    Playwright works in a thread of its own: beside a running event loop, as in a notebook, it would
+    refuse.
 
     Args:
         runs: as of :func:`harpy_pin.view.replay_html`.
@@ -92,7 +102,9 @@ class Film(AbstractContextManager["Film"]):
         try:
             from playwright.sync_api import Error
         except ImportError:
-            raise HarpyError(f"pictures and films need Playwright: {install_line('film')}") from None
+            raise HarpyError(
+                f"pictures and films need Playwright: {install_line('film')}"
+            ) from None
         self._error = Error
         self._thread = ThreadPoolExecutor(1, "playwright")
         self._playwright: Any = None
@@ -102,7 +114,10 @@ class Film(AbstractContextManager["Film"]):
             self._url = html.as_uri() + ("" if charts else "#still" if words else "#still&bare")
             self._browser = self._do(self._launch)
             page = self._do(self._load, (640, 400), 1)
-            numbers = "[replay.content.runs[0].start, replay.content.duration, replay.content.moment.time]"
+            numbers = (
+                "[replay.content.runs[0].start, replay.content.duration, "
+                "replay.content.moment.time]"
+            )
             self._start, self._duration, self._moment = map(float, self._do(page.evaluate, numbers))
             self._do(page.close)
         except BaseException:
@@ -110,7 +125,11 @@ class Film(AbstractContextManager["Film"]):
             raise
 
     def pictures(
-        self, path: str | Path, times: Sequence[float] | None = None, *, size: tuple[int, int] = (1200, 675)
+        self,
+        path: str | Path,
+        times: Sequence[float] | None = None,
+        *,
+        size: tuple[int, int] = (1200, 675),
     ) -> list[Path]:
         """Save PNG pictures.
 
@@ -131,7 +150,9 @@ class Film(AbstractContextManager["Film"]):
         times = [self._start + self._moment] if times is None else times
         moments = [checks.number("time", time) for time in times]
         several = len(moments) > 1
-        paths = [target.with_stem(f"{target.stem}-{time:g}") if several else target for time in moments]
+        paths = [
+            target.with_stem(f"{target.stem}-{time:g}") if several else target for time in moments
+        ]
         for each in paths:
             check_writable(each)
         for each, image in zip(paths, self._images(moments, size, OVERSAMPLING), strict=True):
@@ -147,7 +168,8 @@ class Film(AbstractContextManager["Film"]):
         end: float | None = None,
         size: tuple[int, int] | None = None,
     ) -> Path:
-        """Save a film that plays in real time: an animated GIF, for ever, or an MP4 (H.264), by the file's ending.
+        """Save a film that plays in real time: an animated GIF, for ever, or an MP4 (H.264), by the
+        file's ending.
 
         Args:
             path: of the file.
@@ -163,7 +185,11 @@ class Film(AbstractContextManager["Film"]):
         target = Path(path)
         kind = KINDS.get(target.suffix.lower())
         if kind is None:
-            raise InputError(f"a film's name must end in {' or '.join(KINDS)}, got '{target}'", name="path", value=path)
+            raise InputError(
+                f"a film's name must end in {' or '.join(KINDS)}, got '{target}'",
+                name="path",
+                value=path,
+            )
         check_writable(target)
         try:
             import imageio_ffmpeg
@@ -174,7 +200,12 @@ class Film(AbstractContextManager["Film"]):
         times = self._clock(begin, end, kind.rate)
         part = Path(self._folder.name) / f"film{target.suffix.lower()}"
         writer: Any = imageio_ffmpeg.write_frames(
-            str(part), size, fps=kind.rate, macro_block_size=kind.step, ffmpeg_log_level="error", **kind.options
+            str(part),
+            size,
+            fps=kind.rate,
+            macro_block_size=kind.step,
+            ffmpeg_log_level="error",
+            **kind.options,
         )
         try:
             writer.send(None)
@@ -202,10 +233,16 @@ class Film(AbstractContextManager["Film"]):
     def _clock(self, begin: float | None, end: float | None, rate: float) -> list[float]:
         """Times of the frames of a film, s."""
         last = self._start + self._duration
-        first = self._start if begin is None else checks.number("begin", begin, low=self._start, high=last)
+        first = (
+            self._start
+            if begin is None
+            else checks.number("begin", begin, low=self._start, high=last)
+        )
         final = last if end is None else min(checks.number("end", end), last)
         if final <= first:
-            raise InputError(f"a film must end after its beginning, got {first:g} to {final:g} s", name="end")
+            raise InputError(
+                f"a film must end after its beginning, got {first:g} to {final:g} s", name="end"
+            )
         return [first + k / rate for k in range(int((final - first) * rate + 1e-6) + 1)]
 
     def _images(self, times: Sequence[float], size: tuple[int, int], scale: int) -> Iterator[Image]:
@@ -239,13 +276,16 @@ class Film(AbstractContextManager["Film"]):
             return launch(args=SWITCHES, handle_sigint=False, executable_path=find_chromium())
 
     def _load(self, size: tuple[int, int], scale: float) -> Page:
-        """A page of so many pixels, each of which is drawn by ``scale`` squared, with the replay at its first moment.
+        """A page of so many pixels, each of which is drawn by ``scale`` squared, with the replay at
+        its first moment.
 
         Raises:
             HarpyError: a script of the page failed.
         """
         viewport = {"width": size[0], "height": size[1]}
-        page: Page = self._browser.new_page(viewport=viewport, device_scale_factor=scale, offline=True)
+        page: Page = self._browser.new_page(
+            viewport=viewport, device_scale_factor=scale, offline=True
+        )
         page.set_default_timeout(1e3 * TIMEOUT)
         page.goto(self._url)
         page.wait_for_function("document.documentElement.dataset.state !== 'loading'")

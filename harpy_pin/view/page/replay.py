@@ -24,29 +24,32 @@ LOCAL = re.compile(r"(localhost|127\.0\.0\.1|\[::1\])(:[0-9]{1,5})?", re.IGNOREC
 
 @checked
 def replay_html(runs: Runs, *, fps: float = 30.0, names: Sequence[str] | None = None) -> str:
-    """The replay of a run as HTML text (to write or to serve; a notebook shows :class:`InlineReplay`).
+    """The replay of a run as HTML text (to write or to serve; a notebook shows
+    :class:`InlineReplay`).
 
-    The page shows the robot, and charts of its forces that move with it; it opens, paused, at the moment that tells
-    most (:func:`harpy_pin.view.page.shown.telling_moment`). Space plays and pauses, the arrow keys go frame by frame,
-    a click on a chart goes to that time, the mouse turns the view about the robot. ``#t=2.1`` at the end of its address
-    opens it at 2.1 s, ``#play`` playing from the start. Several runs are played in step, with charts and measures that
-    compare them.
+    The page shows the robot, and charts of its forces that move with it; it opens, paused, at the
+    moment that tells most (:func:`harpy_pin.view.page.shown.telling_moment`). Space plays and
+    pauses, the arrow keys go frame by frame, a click on a chart goes to that time, the mouse turns
+    the view about the robot. ``#t=2.1`` at the end of its address opens it at 2.1 s, ``#play``
+    playing from the start. Several runs are played in step, with charts and measures that compare
+    them.
 
     Args:
-        runs: a run, or a list of up to four; in place of a run whose robot is not found from its log, a pair of the run
-            and its robot.
+        runs: a run, or a list of up to four; in place of a run whose robot is not found from its
+            log, a pair of the run and its robot.
         fps: frames per second of simulated time; between them the page interpolates.
         names: of the runs; found in their logs by default.
 
     Raises:
-        InputError: no run or more than four, not one name for each, a run that is of another robot or holds nothing to
-            draw, or a frame rate that is not positive.
+        InputError: no run or more than four, not one name for each, a run that is of another robot
+            or holds nothing to draw, or a frame rate that is not positive.
     """
     return build_page(line_up(runs, fps=fps, names=names))
 
 
 class InlineReplay:
-    """The replay of runs in a notebook, where it is the value of a cell; the notebook holds all that it shows.
+    """The replay of runs in a notebook, where it is the value of a cell; the notebook holds all
+    that it shows.
 
     Args:
         runs: as of :func:`replay_html`, whose errors it has, too.
@@ -56,7 +59,14 @@ class InlineReplay:
     """
 
     @checked
-    def __init__(self, runs: Runs, *, height: int = 640, fps: float = 30.0, names: Sequence[str] | None = None) -> None:
+    def __init__(
+        self,
+        runs: Runs,
+        *,
+        height: int = 640,
+        fps: float = 30.0,
+        names: Sequence[str] | None = None,
+    ) -> None:
         self._height = checks.whole("height", height, low=1)
         self._page = replay_html(runs, fps=fps, names=names)
 
@@ -66,8 +76,11 @@ class InlineReplay:
 
 
 @checked
-def write_html(runs: Runs, path: str | Path, *, fps: float = 30.0, names: Sequence[str] | None = None) -> Path:
-    """Write :func:`replay_html` as one self-contained file; an older file goes only once the new one is whole.
+def write_html(
+    runs: Runs, path: str | Path, *, fps: float = 30.0, names: Sequence[str] | None = None
+) -> Path:
+    """Write :func:`replay_html` as one self-contained file; an older file goes only once the new
+    one is whole.
 
     Args:
         runs: as of :func:`replay_html`, whose other errors it has, too.
@@ -87,10 +100,13 @@ def write_html(runs: Runs, path: str | Path, *, fps: float = 30.0, names: Sequen
 
 
 @checked
-def show(runs: Runs, *, open_browser: bool = True, fps: float = 30.0, port: int = 0) -> ReplayServer:
+def show(
+    runs: Runs, *, open_browser: bool = True, fps: float = 30.0, port: int = 0
+) -> ReplayServer:
     """Play runs in the browser and print the address of the page.
 
-    The page is served as long as the program lives; a script that ends should call :meth:`ReplayServer.wait`.
+    The page is served as long as the program lives; a script that ends should call
+    :meth:`ReplayServer.wait`.
 
     Args:
         runs: as of :func:`replay_html`.
@@ -111,15 +127,17 @@ def show(runs: Runs, *, open_browser: bool = True, fps: float = 30.0, port: int 
 
 
 def _encoded(text: str) -> bytes:
-    """UTF-8; what a log may hold but no text (half a surrogate pair) becomes a reference that browsers show as �."""
+    """UTF-8; what a log may hold but no text (half a surrogate pair) becomes a reference that
+    browsers show as �.
+    """
     return text.encode("utf-8", errors="xmlcharrefreplace")
 
 
 class ReplayServer(AbstractContextManager["ReplayServer"]):
     """Serves one page to browsers on this machine, from a thread of its own.
 
-    Only requests that call the server by a name of this machine are answered: a page of elsewhere whose name was made
-    to lead here reads nothing.
+    Only requests that call the server by a name of this machine are answered: a page of elsewhere
+    whose name was made to lead here reads nothing.
 
     Args:
         page: HTML text.
@@ -159,7 +177,9 @@ class ReplayServer(AbstractContextManager["ReplayServer"]):
         try:
             self._server = ThreadingHTTPServer(("127.0.0.1", port), Handler)
         except OSError as error:
-            raise RunFileError(f"cannot serve the replay on port {port}: {error.strerror or error}") from error
+            raise RunFileError(
+                f"cannot serve the replay on port {port}: {error.strerror or error}"
+            ) from error
         self._server.handle_error = lambda *request: None  # type: ignore[method-assign] # a closed tab is no event
         self._thread = threading.Thread(target=self._server.serve_forever, daemon=True)
         self._thread.start()

@@ -1,4 +1,6 @@
-"""Runs as a page shows them: names and colours, facts, the moment at which it opens, and measures side by side."""
+"""Runs as a page shows them: names and colours, facts, the moment at which it opens, and measures
+side by side.
+"""
 
 from __future__ import annotations
 
@@ -51,8 +53,13 @@ def line_up(runs: Runs, *, fps: float = 30.0, names: Sequence[str] | None = None
         InputError: no run or too many, another number of names, or as :class:`Frames`.
     """
     given = [runs] if isinstance(runs, Run) else list(runs)
-    if any(not isinstance(entry, Run | tuple) or (isinstance(entry, tuple) and len(entry) != 2) for entry in given):
-        raise InputError("runs must be runs, or pairs of a run and its robot", name="runs", value=runs)
+    if any(
+        not isinstance(entry, Run | tuple) or (isinstance(entry, tuple) and len(entry) != 2)
+        for entry in given
+    ):
+        raise InputError(
+            "runs must be runs, or pairs of a run and its robot", name="runs", value=runs
+        )
     if not 1 <= len(given) <= MAX_RUNS:
         raise InputError(f"a page shows 1 to {MAX_RUNS} runs, got {len(given)}", name="runs")
     pairs = [entry if isinstance(entry, tuple) else (entry, robot_of(entry)) for entry in given]
@@ -60,7 +67,10 @@ def line_up(runs: Runs, *, fps: float = 30.0, names: Sequence[str] | None = None
     if len(names) != len(pairs):
         raise InputError(f"{len(pairs)} runs need as many names, got {len(names)}", name="names")
     frames = [Frames(run, robot, fps=fps) for run, robot in pairs]
-    return [Shown(str(name), colour, one) for name, colour, one in zip(names, RUNS, frames, strict=False)]
+    return [
+        Shown(str(name), colour, one)
+        for name, colour, one in zip(names, RUNS, frames, strict=False)
+    ]
 
 
 def _distinct(runs: Sequence[Run]) -> list[str]:
@@ -68,12 +78,16 @@ def _distinct(runs: Sequence[Run]) -> list[str]:
     names = [name_of(run) for run in runs]
     if len(set(names)) < len(names):
         grounds = [ground_of(run) for run in runs]
-        names = [n if g is None else f"{n}, μ = {g.mu_s:g}" for n, g in zip(names, grounds, strict=True)]
+        names = [
+            n if g is None else f"{n}, μ = {g.mu_s:g}" for n, g in zip(names, grounds, strict=True)
+        ]
     return [name if names.count(name) == 1 else f"{name} ({k + 1})" for k, name in enumerate(names)]
 
 
 def headline(shown: Shown) -> tuple[str, list[tuple[str, str]]]:
-    """Title and facts of a run, from its metadata and measures; what the log does not say is left out."""
+    """Title and facts of a run, from its metadata and measures; what the log does not say is left
+    out.
+    """
     run, ground = shown.frames.run, shown.frames.ground
     parameters = run.metadata.get("parameters") or {}
     controller = str(run.metadata.get("controller", "unknown controller"))
@@ -84,9 +98,14 @@ def headline(shown: Shown) -> tuple[str, list[tuple[str, str]]]:
         facts.append(("governor", str(governor)))
         title += f" ({governor})" if governor != "none" else " (no governor)"
     if ground is not None:
-        facts.append(("friction", f"μ = {ground.mu_s:g} ({'box' if ground.cone == 'per_axis' else 'disc'})"))
+        facts.append(
+            ("friction", f"μ = {ground.mu_s:g} ({'box' if ground.cone == 'per_axis' else 'disc'})")
+        )
         title += f", μ = {ground.mu_s:g}"
-        facts += [(f"from {begin:g} to {end:g} m", f"μ = {mu:g}") for begin, end, mu in ground.friction_strips]
+        facts += [
+            (f"from {begin:g} to {end:g} m", f"μ = {mu:g}")
+            for begin, end, mu in ground.friction_strips
+        ]
     speed = (parameters.get("gait") or {}).get("speed")
     if isinstance(speed, int | float) and abs(speed) < MAX_NUMBER:
         facts.append(("speed desired", f"{speed:g} m/s"))
@@ -94,7 +113,9 @@ def headline(shown: Shown) -> tuple[str, list[tuple[str, str]]]:
     facts.append(("walked", f"{distance:.2f} m in {duration:.2f} s"))
     if len(run) > 1 and run["foot_force"].shape[1]:
         facts.append(("slip", f"{measure(run).slip_mm_per_step:.1f} mm per step"))
-    facts.append(("ending", run.ending if shown.frames.complete else f"{run.ending} (drawn up to there)"))
+    facts.append(
+        ("ending", run.ending if shown.frames.complete else f"{run.ending} (drawn up to there)")
+    )
     if run.fell:
         facts.append(("why", measure(run).causes))
     return f"{title}, {run.ending}", facts
@@ -109,11 +130,13 @@ class Moment(NamedTuple):
 
 
 def telling_moment(frames: Frames) -> Moment:
-    """Where a loaded foot loses most to friction while it slides; else where one that holds uses most of its friction.
+    """Where a loaded foot loses most to friction while it slides; else where one that holds uses
+    most of its friction.
 
-    A foot that slides fast under a small force, as at touchdown, tells less than one that slides under load: what
-    counts is speed times tangential force. A body that has tilted as far as in a stumble is falling already; what
-    happens after that does not count, nor does a slip in a single frame, a touchdown.
+    A foot that slides fast under a small force, as at touchdown, tells less than one that slides
+    under load: what counts is speed times tangential force. A body that has tilted as far as in a
+    stumble is falling already; what happens after that does not count, nor does a slip in a single
+    frame, a touchdown.
     """
     feet, time = [name.replace("_", " ") for name in frames.robot.feet], frames.time
     if not feet:
@@ -121,19 +144,30 @@ def telling_moment(frames: Frames) -> Moment:
     contacts = frames.contacts[frames.rows]
     loaded = contacts.force[..., 2] > LOADED * float(contacts.normal.sum(axis=1).mean()) / len(feet)
     loaded &= _upright(frames["q"])[:, None]
-    speed, tangential = (np.hypot(v[..., 0], v[..., 1]) for v in (contacts.velocity, contacts.force))
+    speed, tangential = (
+        np.hypot(v[..., 0], v[..., 1]) for v in (contacts.velocity, contacts.force)
+    )
     slides = np.pad(contacts.slides, ((1, 1), (0, 0)))
     lasting = slides[1:-1] & (slides[:-2] | slides[2:])
     row, foot, power = _largest(np.where(lasting & loaded, speed * tangential, 0.0))
     if power > 0.0:
-        how = f"slides at {1e3 * speed[row, foot]:.0f} mm/s under {contacts.force[row, foot, 2]:.0f} N"
+        how = (
+            f"slides at {1e3 * speed[row, foot]:.0f} mm/s under "
+            f"{contacts.force[row, foot, 2]:.0f} N"
+        )
         return Moment(float(time[row]), f"{feet[foot]} {how}", power)
     if contacts.mu is not None:
         settled = time >= (START if time[-1] > 4.0 * START else 0.0)
-        used = np.where(loaded & ~contacts.slides & settled[:, None] & np.isfinite(contacts.used), contacts.used, 0.0)
+        used = np.where(
+            loaded & ~contacts.slides & settled[:, None] & np.isfinite(contacts.used),
+            contacts.used,
+            0.0,
+        )
         row, foot, share = _largest(used)
         if share > 0.0:
-            return Moment(float(time[row]), f"{feet[foot]} uses {100.0 * share:.0f} % of its friction", 0.0)
+            return Moment(
+                float(time[row]), f"{feet[foot]} uses {100.0 * share:.0f} % of its friction", 0.0
+            )
     return Moment(float(time[_largest(tangential)[0]]), "largest tangential force", 0.0)
 
 
@@ -176,17 +210,25 @@ ROWS = (
 
 
 def scoreboard(runs: Sequence[Run]) -> list[Score]:
-    """Measures of runs of finite rows, at least two of each; a run that fell or stumbled is best at none."""
+    """Measures of runs of finite rows, at least two of each; a run that fell or stumbled is best at
+    none.
+    """
     measures = [measure(run) for run in runs]
     walked = [not (m.fell or m.stumbled) and m.ending == "completed" for m in measures]
     best = () if all(walked) else tuple(k for k, on in enumerate(walked) if on)
     scores = [Score("ending", tuple(_ending(m) for m in measures), best)]
     ticks = [tick_times(run) for run in runs]
-    rows = [(label, [float(getattr(m, name)) for m in measures], form) for label, name, form in ROWS]
-    rows.append(("tick, µs median", [np.nan if t is None else float(np.median(t)) for t in ticks], "{:.0f}"))
+    rows = [
+        (label, [float(getattr(m, name)) for m in measures], form) for label, name, form in ROWS
+    ]
+    rows.append(
+        ("tick, µs median", [np.nan if t is None else float(np.median(t)) for t in ticks], "{:.0f}")
+    )
     for label, values, form in rows:
         if any(np.isfinite(values)):
-            texts = tuple(form.format(value).rstrip("%") if np.isfinite(value) else "–" for value in values)
+            texts = tuple(
+                form.format(value).rstrip("%") if np.isfinite(value) else "–" for value in values
+            )
             scores.append(Score(label, texts, _best(values, texts, walked)))
     return scores
 

@@ -11,21 +11,34 @@ from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
 from harpy_pin.view.palette import CONTACT, FLOOR, FRICTION, SLIDING, THRUST
 from harpy_pin.view.scene.frames import Contacts
-from harpy_pin.view.scene.nodes import Lines, Look, Mesh, Motion, Motions, Node, node_name, revolved, turn_z_to
+from harpy_pin.view.scene.nodes import (
+    Lines,
+    Look,
+    Mesh,
+    Motion,
+    Motions,
+    Node,
+    node_name,
+    revolved,
+    turn_z_to,
+)
 
 HEAD_LENGTH, HEAD_WIDTH = 3.2, 2.4
 """Length and diameter of an arrow's head in shaft diameters."""
 SIDES = 64
 ROUNDING = 1.0 + 1e-6
 CONE_SLANT, CONTACT_RADIUS, THRUST_RADIUS = 0.45, 0.009, 0.013
-"""Side of a friction cone, and radii of arrows, as shares of the robot's height: thin, so that the cone is seen."""
+"""Side of a friction cone, and radii of arrows, as shares of the robot's height: thin, so that the
+cone is seen.
+"""
 
 
 class Arrow:
-    """Arrow of a force: it starts at a point, points along the force, and is as long as the force is strong.
+    """Arrow of a force: it starts at a point, points along the force, and is as long as the force
+    is strong.
 
-    One shorter than its head consists of a head alone, smaller in proportion; one shorter than a hundredth of it is not
-    drawn.
+    One shorter than its head consists of a head alone, smaller in proportion; one shorter than a
+    hundredth of it is not drawn.
 
     Args:
         path: of its node.
@@ -44,7 +57,11 @@ class Arrow:
         look = Look(colour, light="bright", in_front=5)
         self.nodes = [
             Node(f"{path}/shaft", revolved([(0.0, 0.0), (radius, 0.0), (radius, 1.0)]), look),
-            Node(f"{path}/head", revolved([(0.0, 0.0), (radius * HEAD_WIDTH, 0.0), (0.0, self.head)]), look),
+            Node(
+                f"{path}/head",
+                revolved([(0.0, 0.0), (radius * HEAD_WIDTH, 0.0), (0.0, self.head)]),
+                look,
+            ),
         ]
 
     def motions(self, origin: Vector, force: Vector) -> Motions:
@@ -52,28 +69,34 @@ class Arrow:
         strength = np.linalg.norm(force, axis=1)
         length = strength * self._scale
         shown = length > 0.01 * self.head
-        direction = np.where(shown[:, None], force / np.where(shown, strength, 1.0)[:, None], (0.0, 0.0, 1.0))
+        direction = np.where(
+            shown[:, None], force / np.where(shown, strength, 1.0)[:, None], (0.0, 0.0, 1.0)
+        )
         small = np.clip(length / self.head, 0.01, 1.0)
         shaft = np.maximum(length - self.head, 0.0)
         stretched, zero = np.maximum(shaft, 1e-4), np.zeros_like(length)
         return {
             self._path: Motion(position=origin, quaternion=turn_z_to(direction), visible=shown),
-            f"{self._path}/shaft": Motion(scale=np.column_stack((small, small, stretched)), visible=shaft > 0.0),
+            f"{self._path}/shaft": Motion(
+                scale=np.column_stack((small, small, stretched)), visible=shaft > 0.0
+            ),
             f"{self._path}/head": Motion(
-                position=np.column_stack((zero, zero, shaft)), scale=np.column_stack((small, small, small))
+                position=np.column_stack((zero, zero, shaft)),
+                scale=np.column_stack((small, small, small)),
             ),
         }
 
 
 class Cone:
-    """Friction cone of a foot: blue while the foot sticks, red while it slides or its force lies outside.
+    """Friction cone of a foot: blue while the foot sticks, red while it slides or its force lies
+    outside.
 
     Args:
         path: of its node.
         slant: length of the side of the circular cone, m.
         per_axis: the pyramid |f_x| ≤ μ f_z, |f_y| ≤ μ f_z instead of a circular cone.
-        ring: height at which a ring marks the smallest normal force that is desired, m; there is none where the cone
-            ends below.
+        ring: height at which a ring marks the smallest normal force that is desired, m; there is
+            none where the cone ends below.
         full: share of its friction from which on a force counts as outside.
 
     Attributes:
@@ -81,7 +104,13 @@ class Cone:
     """
 
     def __init__(
-        self, path: str, *, slant: float, per_axis: bool = False, ring: float | None = None, full: float = ROUNDING
+        self,
+        path: str,
+        *,
+        slant: float,
+        per_axis: bool = False,
+        ring: float | None = None,
+        full: float = ROUNDING,
     ) -> None:
         self._path, self._slant, self._ring, self._full = path, slant, ring, full
         if per_axis:
@@ -90,8 +119,13 @@ class Cone:
             angle = 2.0 * np.pi * np.arange(SIDES) / SIDES
             corners = np.stack((np.cos(angle), np.sin(angle)), axis=1)
         rim = np.column_stack((corners, np.ones(len(corners))))
-        edge, spokes = np.stack((rim, np.roll(rim, -1, axis=0)), axis=1), np.stack((np.zeros_like(rim), rim), axis=1)
-        triangles = np.concatenate((np.zeros((len(rim), 1, 3)), edge), axis=1)  # unshared corners: sharp edges
+        edge, spokes = (
+            np.stack((rim, np.roll(rim, -1, axis=0)), axis=1),
+            np.stack((np.zeros_like(rim), rim), axis=1),
+        )
+        triangles = np.concatenate(
+            (np.zeros((len(rim), 1, 3)), edge), axis=1
+        )  # unshared corners: sharp edges
         side = Mesh(triangles.reshape(-1, 3), np.arange(3 * len(rim)).reshape(-1, 3))
         edges = Lines(np.concatenate((edge, spokes)) if per_axis else edge)
         self.nodes = [
@@ -103,7 +137,9 @@ class Cone:
             self.nodes.append(Node(f"{path}/floor", Lines(edge), Look(FLOOR)))
 
     def motions(self, contact: Contacts, normal: Vector | None) -> Motions:
-        """Motion of the cone: its apex is the foot of the (n,) contacts, its axis the (n, 3) normal or the vertical."""
+        """Motion of the cone: its apex is the foot of the (n,) contacts, its axis the (n, 3) normal
+        or the vertical.
+        """
         assert contact.mu is not None
         mu, slides = contact.mu, contact.slides | (contact.used > self._full)
         height = self._slant / np.hypot(1.0, mu)
@@ -116,7 +152,9 @@ class Cone:
                 motions[f"{self._path}/{kind}/{name}"] = Motion(scale=np.maximum(scale, 1e-6))
         if self._ring is not None:
             ring = self._ring * np.stack((mu, mu, np.ones_like(mu)), axis=1)
-            motions[f"{self._path}/floor"] = Motion(scale=np.maximum(ring, 1e-6), visible=self._ring < height)
+            motions[f"{self._path}/floor"] = Motion(
+                scale=np.maximum(ring, 1e-6), visible=self._ring < height
+            )
         return motions
 
 
@@ -135,21 +173,46 @@ class Forces:
     """
 
     def __init__(
-        self, robot: Robot, scales: Scales, *, cones: bool = True, floor: float | None = None, **cone: Any
+        self,
+        robot: Robot,
+        scales: Scales,
+        *,
+        cones: bool = True,
+        floor: float | None = None,
+        **cone: Any,
     ) -> None:
         def arrow(path: str, colour: str, radius: float, newtons_per_metre: float) -> Arrow:
-            return Arrow(path, colour, radius=radius * scales.height, metres_per_newton=1.0 / newtons_per_metre)
+            return Arrow(
+                path,
+                colour,
+                radius=radius * scales.height,
+                metres_per_newton=1.0 / newtons_per_metre,
+            )
 
-        feet, thrusters = ([node_name(name) for name in names] for names in (robot.feet, robot.thrusters))
-        cone |= {"slant": CONE_SLANT * scales.height, "ring": None if floor is None else floor / scales.force}
-        self._contacts = [arrow(f"contact_force/{name}", CONTACT, CONTACT_RADIUS, scales.force) for name in feet]
-        self._thrusts = [arrow(f"thrust/{name}", THRUST, THRUST_RADIUS, scales.force) for name in thrusters]
+        feet, thrusters = (
+            [node_name(name) for name in names] for names in (robot.feet, robot.thrusters)
+        )
+        cone |= {
+            "slant": CONE_SLANT * scales.height,
+            "ring": None if floor is None else floor / scales.force,
+        }
+        self._contacts = [
+            arrow(f"contact_force/{name}", CONTACT, CONTACT_RADIUS, scales.force) for name in feet
+        ]
+        self._thrusts = [
+            arrow(f"thrust/{name}", THRUST, THRUST_RADIUS, scales.force) for name in thrusters
+        ]
         self._cones = [Cone(f"friction_cone/{name}", **cone) for name in feet if cones]
         parts: list[Arrow | Cone] = [*self._contacts, *self._cones, *self._thrusts]
         self.nodes = [node for part in parts for node in part.nodes]
 
     def motions(
-        self, contacts: Contacts, foot_force: Vector, normal: Vector | None, mount: Vector, thrust: Vector
+        self,
+        contacts: Contacts,
+        foot_force: Vector,
+        normal: Vector | None,
+        mount: Vector,
+        thrust: Vector,
     ) -> Motions:
         """Motion of all arrows and cones.
 

@@ -1,4 +1,5 @@
-"""The rows of a run that are drawn, checked against its robot and thinned to a frame rate, and the feet's contacts.
+"""The rows of a run that are drawn, checked against its robot and thinned to a frame rate, and the
+feet's contacts.
 
 Forces and velocities of contacts are about the ground's normal: their third part is along it.
 """
@@ -45,10 +46,11 @@ PLACES = REFERENCES | {"estimate": "estimated_q"}
 
 
 class Frames:
-    """A run, and which of its rows are drawn; world axes. ``frames["q"]`` is a signal at the frames.
+    """A run, and which of its rows are drawn; world axes. ``frames["q"]`` is a signal at the
+    frames.
 
-    Rows from the first one on that is not finite (a divergence) are left out. The last finite row is always drawn, so
-    that the end of a fall is seen.
+    Rows from the first one on that is not finite (a divergence) are left out. The last finite row
+    is always drawn, so that the end of a fall is seen.
 
     Args:
         run: the log.
@@ -60,14 +62,16 @@ class Frames:
         complete: whether these are all rows.
         ground: of the run; None where the log has none.
         surface: terrain of the ground; None where it is level.
-        references: for each logged reference ("target", "applied") its (rows of the run, 3) positions, m.
+        references: for each logged reference ("target", "applied") its (rows of the run, 3)
+            positions, m.
         rows: (n,) numbers of the rows that are drawn.
         time: (n,) time since the first frame, s.
         joints: (n, model joints, 4, 4) placement of every joint frame of the model.
         mount: (n, thrusters, 3) position of the thruster mounts, m.
 
     Raises:
-        InputError: the frame rate is not positive, the run holds no finite row, or it is of another robot.
+        InputError: the frame rate is not positive, the run holds no finite row, or it is of another
+            robot.
     """
 
     @checked
@@ -79,7 +83,9 @@ class Frames:
         self.ground = ground_of(finite)
         self.surface = surface_of(self.ground)
         logged = {label: finite[name] for label, name in PLACES.items() if name in finite}
-        self.references = {label: place[:, :3] for label, place in logged.items() if place.shape[1] >= 3}
+        self.references = {
+            label: place[:, :3] for label, place in logged.items() if place.shape[1] >= 3
+        }
         self.rows = sample_rows(finite["t"], fps)
         self.time = finite["t"][self.rows] - finite["t"][0]
         self.joints, self.mount = _placements(robot, self["q"])
@@ -104,10 +110,18 @@ def ground_of(run: Run) -> Ground | None:
     """
     given = run.metadata.get("ground")
     mu = given.get("mu_s") if isinstance(given, Mapping) else None
-    if not isinstance(given, Mapping) or not isinstance(mu, int | float) or not 0.0 <= mu <= checks.MAX_FRICTION:
+    if (
+        not isinstance(given, Mapping)
+        or not isinstance(mu, int | float)
+        or not 0.0 <= mu <= checks.MAX_FRICTION
+    ):
         return None
-    named = {name: given[name] for name in ("friction_strips", "slope", "terrain") if given.get(name)}
-    return Ground(mu_s=mu, cone="per_axis" if given.get("cone") == "per_axis" else "circular", **named)
+    named = {
+        name: given[name] for name in ("friction_strips", "slope", "terrain") if given.get(name)
+    }
+    return Ground(
+        mu_s=mu, cone="per_axis" if given.get("cone") == "per_axis" else "circular", **named
+    )
 
 
 def surface_of(ground: Ground | None) -> Terrain | None:
@@ -117,7 +131,8 @@ def surface_of(ground: Ground | None) -> Terrain | None:
 
 
 def about_normals(surface: Terrain | None, place: Vector, vectors: Vector) -> Vector:
-    """Vectors at feet, of world axes, in the frames of the contacts: their third part is along the normal.
+    """Vectors at feet, of world axes, in the frames of the contacts: their third part is along the
+    normal.
 
     Args:
         surface: of the ground; where it is None they stay as they are.
@@ -128,34 +143,53 @@ def about_normals(surface: Terrain | None, place: Vector, vectors: Vector) -> Ve
         return vectors
     normal = surface.normal(np.nan_to_num(place[..., 0]), np.nan_to_num(place[..., 1]))
     flat = np.ascontiguousarray(vectors, dtype=np.float64).reshape(-1, 3)
-    return in_contact_frames(np.ascontiguousarray(normal).reshape(-1, 3), flat).reshape(vectors.shape)
+    return in_contact_frames(np.ascontiguousarray(normal).reshape(-1, 3), flat).reshape(
+        vectors.shape
+    )
 
 
 @dataclass(frozen=True, eq=False)
 class Contacts:
-    """Contacts of feet with the ground, one for each entry of the arrays; forces and velocities about the normal."""
+    """Contacts of feet with the ground, one for each entry of the arrays; forces and velocities
+    about the normal.
+    """
 
     position: Vector  # (..., 3) of the feet, world, m
     force: Vector  # (..., 3) of the ground on the feet, N
     velocity: Vector  # (..., 3) of the feet, m/s
     mu: Vector | None = None  # (...,) static friction coefficient; None where it is not known
-    per_axis: bool = False  # whether friction bounds the two tangential forces apart, instead of their length
+    per_axis: bool = (
+        False  # whether friction bounds the two tangential forces apart, instead of their length
+    )
 
     @classmethod
     def of(cls, run: Run, ground: Ground | None) -> Contacts:
-        """The (rows, feet) contacts of a run; where the ground changed, the signal ``foot_friction`` says how."""
+        """The (rows, feet) contacts of a run; where the ground changed, the signal
+        ``foot_friction`` says how.
+        """
         place, mu = run["foot_position"], None
-        force, velocity = (about_normals(surface_of(ground), place, run[n]) for n in ("foot_force", "foot_velocity"))
+        force, velocity = (
+            about_normals(surface_of(ground), place, run[n])
+            for n in ("foot_force", "foot_velocity")
+        )
         if ground is not None:
             logged = run.signals.get("foot_friction")
-            usable = logged is not None and logged.dtype.kind == "f" and logged.shape == place.shape[:2]
-            mu = np.maximum(logged, 0.0) if logged is not None and usable else ground.friction(place[..., 0])
+            usable = (
+                logged is not None and logged.dtype.kind == "f" and logged.shape == place.shape[:2]
+            )
+            mu = (
+                np.maximum(logged, 0.0)
+                if logged is not None and usable
+                else ground.friction(place[..., 0])
+            )
         return cls(place, force, velocity, mu, ground is not None and ground.cone == "per_axis")
 
     def __getitem__(self, chosen: Any) -> Contacts:
         """Some of the contacts, by an index of the arrays."""
         mu = None if self.mu is None else self.mu[chosen]
-        return Contacts(self.position[chosen], self.force[chosen], self.velocity[chosen], mu, self.per_axis)
+        return Contacts(
+            self.position[chosen], self.force[chosen], self.velocity[chosen], mu, self.per_axis
+        )
 
     @property
     def normal(self) -> Vector:
@@ -170,24 +204,30 @@ class Contacts:
     @property
     def slides(self) -> NDArray[np.bool_]:
         """(...,) whether the foot slides: in contact, and faster along the ground than 10 mm/s."""
-        return np.asarray(self.touching & (np.hypot(self.velocity[..., 0], self.velocity[..., 1]) > SLIDING_SPEED))
+        return np.asarray(
+            self.touching & (np.hypot(self.velocity[..., 0], self.velocity[..., 1]) > SLIDING_SPEED)
+        )
 
     @property
     def tangential(self) -> Vector:
-        """(...,) the force that friction bounds, N: the length of the tangential one, or its larger part."""
+        """(...,) the force that friction bounds, N: the length of the tangential one, or its larger
+        part.
+        """
         return self.tangential_of(self.force)
 
     def tangential_of(self, force: Vector) -> Vector:
         """(...,) the same of other (..., 3) forces on this ground, N."""
         sides = np.abs(force[..., :2])
-        return np.asarray(sides.max(axis=-1) if self.per_axis else np.hypot(sides[..., 0], sides[..., 1]))
+        return np.asarray(
+            sides.max(axis=-1) if self.per_axis else np.hypot(sides[..., 0], sides[..., 1])
+        )
 
     @property
     def used(self) -> Vector:
         """(...,) tangential force as a share of what friction allows: 1 on the cone, more outside.
 
-        It is zero without contact, and infinite for any tangential force where there is no friction. A foot that slides
-        uses all that there is, which is less than static friction.
+        It is zero without contact, and infinite for any tangential force where there is no
+        friction. A foot that slides uses all that there is, which is less than static friction.
         """
         assert self.mu is not None
         bound, tangential = self.mu * self.normal, self.tangential
@@ -211,19 +251,31 @@ def _require_match(run: Run, robot: Robot) -> None:
     if missing:
         raise InputError(f"the run lacks the signals {', '.join(missing)}", name="run")
     feet = dict.fromkeys(("foot_position", "foot_velocity", "foot_force"), (len(robot.feet), 3))
-    for name, shape in {"q": (robot.model.nq,), **feet, "thrust": (len(robot.thrusters), 3)}.items():
+    for name, shape in {
+        "q": (robot.model.nq,),
+        **feet,
+        "thrust": (len(robot.thrusters), 3),
+    }.items():
         if run[name].shape[1:] != shape:
             found = f"{name} has rows of shape {run[name].shape[1:]}, the robot needs {shape}"
-            raise InputError(f"the run is not of robot '{robot.name}': {found}", name="robot", value=robot.name)
+            raise InputError(
+                f"the run is not of robot '{robot.name}': {found}", name="robot", value=robot.name
+            )
     for kind, names in (("feet", robot.feet), ("thrusters", robot.thrusters)):
         logged = run.metadata.get(kind)
         if logged is not None and list(logged) != list(names):
-            found = f"it was logged with {kind} {shown(list(logged), 200)}, the robot has {list(names)}"
-            raise InputError(f"the run is not of robot '{robot.name}': {found}", name="robot", value=robot.name)
+            found = (
+                f"it was logged with {kind} {shown(list(logged), 200)}, the robot has {list(names)}"
+            )
+            raise InputError(
+                f"the run is not of robot '{robot.name}': {found}", name="robot", value=robot.name
+            )
 
 
 def _finite_part(run: Run) -> Run:
-    """The rows before the first one whose motion or forces are not finite, beyond all measure, or of no rotation."""
+    """The rows before the first one whose motion or forces are not finite, beyond all measure, or
+    of no rotation.
+    """
     run = Run({name: _plain(run, name) for name in run.signals}, run.metadata)
     finite = np.ones(len(run), dtype=bool)
     for name in DRAWN:
@@ -243,7 +295,9 @@ def _check_metadata(metadata: Mapping[str, Any]) -> None:
         if isinstance(places.get(outer), Mapping) and inner in places[outer]:
             places[inner] = places[outer][inner]
     for name, kind in KINDS.items():
-        if name in places and (not isinstance(places[name], kind) or isinstance(places[name], bool)):
+        if name in places and (
+            not isinstance(places[name], kind) or isinstance(places[name], bool)
+        ):
             raise InputError(f"the run's metadata holds no {name} as it should be", name="run")
 
 
@@ -255,22 +309,28 @@ def _plain(run: Run, name: str) -> Vector:
     vectors = rank == 3 and signal.shape[2:] != (3,)
     empty = name in NEVER_EMPTY and 0 in signal.shape[1:2]
     if signal.dtype.kind not in "biuf" or signal.ndim != rank or vectors or empty:
-        raise InputError(f"the signal {name} of the run is not made of numbers as it should be", name="run")
+        raise InputError(
+            f"the signal {name} of the run is not made of numbers as it should be", name="run"
+        )
     return signal.astype(np.float64)
 
 
 def sample_rows(t: Vector, fps: float) -> NDArray[np.intp]:
-    """Indices of the rows nearest to a regular frame clock, without repetition, the last row included.
+    """Indices of the rows nearest to a regular frame clock, without repetition, the last row
+    included.
 
     Args:
         t: (n,) increasing times, s.
         fps: frames per second.
 
     Raises:
-        InputError: the times do not increase, or the pages of a film so long would not fit into memory.
+        InputError: the times do not increase, or the pages of a film so long would not fit into
+            memory.
     """
     if np.any(np.diff(t) <= 0.0) or (t[-1] - t[0]) * fps > MAX_FRAMES:
-        raise InputError(f"the times of the run must increase, and give at most {MAX_FRAMES} frames", name="run")
+        raise InputError(
+            f"the times of the run must increase, and give at most {MAX_FRAMES} frames", name="run"
+        )
     count = int(np.floor((t[-1] - t[0]) * fps + 1e-6)) + 1
     clock = t[0] + np.arange(count) / fps
     right = np.clip(np.searchsorted(t, clock), 1, max(len(t) - 1, 1))
@@ -279,7 +339,9 @@ def sample_rows(t: Vector, fps: float) -> NDArray[np.intp]:
 
 
 def normal_floor(run: Run) -> float | None:
-    """Smallest normal force that the controller of a run asks of a stance foot, N; None where the log has none."""
+    """Smallest normal force that the controller of a run asks of a stance foot, N; None where the
+    log has none.
+    """
     place: Any = run.metadata
     for name in ("parameters", "control", "min_normal_force"):
         place = place.get(name) if isinstance(place, Mapping) else None

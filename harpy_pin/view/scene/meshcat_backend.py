@@ -1,4 +1,6 @@
-"""Nodes and motions as Meshcat's viewer takes them: commands of MessagePack, and keyframes as 32-bit numbers."""
+"""Nodes and motions as Meshcat's viewer takes them: commands of MessagePack, and keyframes as
+32-bit numbers.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +20,9 @@ try:
     import umsgpack
     from meshcat import geometry as g
 except ImportError as error:
-    raise HarpyError(f"replays and viewers need Meshcat ({error}): {install_line('view')}") from error
+    raise HarpyError(
+        f"replays and viewers need Meshcat ({error}): {install_line('view')}"
+    ) from error
 
 ROOT = "/meshcat/walk"
 """Path of the node that stands for the world's frame."""
@@ -41,11 +45,18 @@ LIGHTS = (
     ("/Lights/SpotLight/<object>", "castShadow", True),
 )
 """Bright background, soft light all round, and one lamp that casts the robot's shadow."""
-Y_TO_Z = np.array([[1.0, 0.0, 0.0, 0.0], [0.0, 0.0, -1.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
+Y_TO_Z = np.array(
+    [[1.0, 0.0, 0.0, 0.0], [0.0, 0.0, -1.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]]
+)
 """Turns the axis of Meshcat's cylinders, y, to z."""
 IDENTITY = (0.0, 0.0, 0.0, 1.0)
 """Quaternion of a node that does not turn."""
-KINDS = {"position": "vector3", "quaternion": "quaternion", "scale": "vector3", "visible": "boolean"}
+KINDS = {
+    "position": "vector3",
+    "quaternion": "quaternion",
+    "scale": "vector3",
+    "visible": "boolean",
+}
 
 
 def stage_commands(size: float) -> list[dict[str, Any]]:
@@ -67,7 +78,9 @@ def node_commands(nodes: Iterable[Node], motions: Motions) -> list[dict[str, Any
         commands.append({"type": "set_object", "path": path, "object": _object(node).lower()})
         placement = node.placement @ Y_TO_Z if isinstance(node.shape, Cylinder) else node.placement
         if not np.array_equal(placement, np.eye(4)):
-            commands.append({"type": "set_transform", "path": path, "matrix": placement.T.ravel().tolist()})
+            commands.append(
+                {"type": "set_transform", "path": path, "matrix": placement.T.ravel().tolist()}
+            )
         if node.look.light != "body":
             commands.append(_property(f"{path}/<object>", "castShadow", False))
         if node.look.in_front:
@@ -78,8 +91,12 @@ def node_commands(nodes: Iterable[Node], motions: Motions) -> list[dict[str, Any
 
 
 def move_commands(motions: Motions) -> list[dict[str, Any]]:
-    """Commands that put nodes where they are at the first moment of their motions: one of each type for a node."""
-    placed = {path: m for path, m in motions.items() if m.position is not None or m.scale is not None}
+    """Commands that put nodes where they are at the first moment of their motions: one of each type
+    for a node.
+    """
+    placed = {
+        path: m for path, m in motions.items() if m.position is not None or m.scale is not None
+    }
     turns = [m.quaternion[0] if m.quaternion is not None else IDENTITY for m in placed.values()]
     rotations = Rotation.from_quat(np.reshape(turns, (-1, 4))).as_matrix()
     commands: list[dict[str, Any]] = []
@@ -87,7 +104,9 @@ def move_commands(motions: Motions) -> list[dict[str, Any]]:
         matrix = np.eye(4)
         matrix[:3, :3] = rotation if motion.scale is None else rotation * motion.scale[0]
         matrix[:3, 3] = 0.0 if motion.position is None else motion.position[0]
-        commands.append({"type": "set_transform", "path": _full(path), "matrix": matrix.T.ravel().tolist()})
+        commands.append(
+            {"type": "set_transform", "path": _full(path), "matrix": matrix.T.ravel().tolist()}
+        )
     for path, motion in motions.items():
         if motion.visible is not None:
             commands.append(_property(_full(path), "visible", bool(motion.visible[0])))
@@ -98,15 +117,17 @@ def keyframes(motions: Motions) -> list[dict[str, Any]]:
     """Tracks of motions.
 
     Returns:
-        For each its path, property, kind, and (n, …) values as base64 of little-endian 32-bit floats; one that never
-        changes is ``still`` and has its first row alone.
+        For each its path, property, kind, and (n, …) values as base64 of little-endian 32-bit
+        floats; one that never changes is ``still`` and has its first row alone.
     """
     tracks = []
     for path, name, values in _tracks(motions):
         numbers = np.ascontiguousarray(values, dtype="<f4")
         still = bool(np.all(numbers == numbers[0]))
         data = base64.b64encode((numbers[:1] if still else numbers).tobytes()).decode("ascii")
-        tracks.append({"path": path, "name": name, "kind": KINDS[name], "still": still, "values": data})
+        tracks.append(
+            {"path": path, "name": name, "kind": KINDS[name], "still": still, "values": data}
+        )
     return tracks
 
 
@@ -136,7 +157,9 @@ def _object(node: Node) -> Any:
     shape, look = node.shape, node.look
     if isinstance(shape, Lines):
         points = g.PointsGeometry(shape.points.reshape(-1, 3).T.astype(np.float32))
-        return g.LineSegments(points, g.LineBasicMaterial(color=as_int(look.colour), opacity=look.opacity))
+        return g.LineSegments(
+            points, g.LineBasicMaterial(color=as_int(look.colour), opacity=look.opacity)
+        )
     if isinstance(shape, Box):
         geometry: Any = g.Box(list(shape.size))
     elif isinstance(shape, Sphere):
@@ -160,7 +183,9 @@ def _material(look: Look) -> Any:
     if look.light == "ground":
         return g.MeshLambertMaterial(**given)
     if look.light == "bright":
-        return g.MeshLambertMaterial(emissive=given["color"], emissiveIntensity=0.4, side=0, **given)
+        return g.MeshLambertMaterial(
+            emissive=given["color"], emissiveIntensity=0.4, side=0, **given
+        )
     if look.opacity < 1.0 and look.light != "shadow":
         given["depthWrite"] = False
     material = g.MeshBasicMaterial(**given)

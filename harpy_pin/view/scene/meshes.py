@@ -1,7 +1,9 @@
-"""Meshes of a robot's visuals as they are drawn: in the colours of their files, and with no more triangles than needed.
+"""Meshes of a robot's visuals as they are drawn: in the colours of their files, and with no more
+triangles than needed.
 
-The mesh files of many robots hold several geometries, each with a material of its own. Pinocchio reads them as one mesh
-without colours; they are read by trimesh, where it is installed (the extra ``robots``), and drawn part by part.
+The mesh files of many robots hold several geometries, each with a material of its own. Pinocchio
+reads them as one mesh without colours; they are read by trimesh, where it is installed (the extra
+``robots``), and drawn part by part.
 """
 
 from __future__ import annotations
@@ -21,7 +23,9 @@ from harpy_pin.model.state import Vector
 from harpy_pin.view.scene.nodes import Mesh
 
 MAX_TRIANGLES = 8000
-"""Most triangles of a mesh: what a replay page can hold of every link, and more than is seen of it."""
+"""Most triangles of a mesh: what a replay page can hold of every link, and more than is seen of
+it.
+"""
 FINEST = 1.0 / 300.0
 """Size of the first cells in which corners are merged, beside that of the mesh."""
 CELLS = 1 << 10
@@ -41,7 +45,8 @@ Colour: TypeAlias = tuple[float, float, float, float]
 def mesh_parts(shape: pin.GeometryObject) -> list[tuple[Mesh, Colour]]:
     """The parts of a shape that is a mesh, in its frame, and the colours that they are drawn in.
 
-    The colour of the URDF comes first, but for one that is white or missing, and for files of several colours.
+    The colour of the URDF comes first, but for one that is white or missing, and for files of
+    several colours.
     """
     red, green, blue, alpha = (float(np.clip(c, 0.0, 1.0)) for c in shape.meshColor)
     vertices = np.asarray(shape.geometry.vertices(), dtype=float)
@@ -49,7 +54,8 @@ def mesh_parts(shape: pin.GeometryObject) -> list[tuple[Mesh, Colour]]:
     read = _read_parts(path, scale)
     if read is None or np.max(np.abs(read[1] - _bounds(vertices))) > SAME_PLACE:
         faces = _faces(shape.geometry)
-        # Of a file with several geometries Pinocchio numbers the corners of each from zero: those of the last ones are
+        # Of a file with several geometries Pinocchio numbers the corners of each from zero: those
+        # of the last ones are
         # left over.
         if len(np.unique(faces)) < len(vertices):
             _warn_of_wrong_surfaces()
@@ -61,7 +67,9 @@ def mesh_parts(shape: pin.GeometryObject) -> list[tuple[Mesh, Colour]]:
 
 
 def thin_out(mesh: Mesh, most: int) -> Mesh:
-    """A mesh of at most so many triangles: corners in the same cell of a grid become one, in their middle."""
+    """A mesh of at most so many triangles: corners in the same cell of a grid become one, in their
+    middle.
+    """
     vertices, faces = mesh.vertices, mesh.faces
     if len(faces) <= most:
         return mesh
@@ -69,7 +77,9 @@ def thin_out(mesh: Mesh, most: int) -> Mesh:
     cell = FINEST * float(np.ptp(vertices, axis=0).max())
     while True:
         x, y, z = np.floor((vertices - low) / cell).astype(np.int64).T
-        _, place, count = np.unique((x * CELLS + y) * CELLS + z, return_inverse=True, return_counts=True)
+        _, place, count = np.unique(
+            (x * CELLS + y) * CELLS + z, return_inverse=True, return_counts=True
+        )
         kept = place[faces]
         flat = (kept[:, 0] == kept[:, 1]) | (kept[:, 1] == kept[:, 2]) | (kept[:, 2] == kept[:, 0])
         kept = np.unique(kept[~flat], axis=0)
@@ -82,8 +92,12 @@ def thin_out(mesh: Mesh, most: int) -> Mesh:
 
 
 @lru_cache(maxsize=256)
-def _read_parts(path: str, scale: tuple[float, ...]) -> tuple[list[tuple[Mesh, Colour]], Vector] | None:
-    """The parts of a file by colour, and the (2, 3) bounds of all; None without trimesh, or if it cannot read it."""
+def _read_parts(
+    path: str, scale: tuple[float, ...]
+) -> tuple[list[tuple[Mesh, Colour]], Vector] | None:
+    """The parts of a file by colour, and the (2, 3) bounds of all; None without trimesh, or if it
+    cannot read it.
+    """
     try:
         import trimesh
     except ImportError:
@@ -93,7 +107,9 @@ def _read_parts(path: str, scale: tuple[float, ...]) -> tuple[list[tuple[Mesh, C
         by_colour: dict[Colour, list[Any]] = {}
         for mesh in meshes:
             by_colour.setdefault(_colour(mesh), []).append(mesh)
-    except Exception:  # a stranger's reader, whose errors are of all kinds: the shape is drawn without its colours
+    except (
+        Exception
+    ):  # a stranger's reader, whose errors are of all kinds: the shape is drawn without its colours
         return None
     total = sum(len(mesh.faces) for mesh in meshes)
     parts, corners = [], []
@@ -109,11 +125,16 @@ def _read_parts(path: str, scale: tuple[float, ...]) -> tuple[list[tuple[Mesh, C
 @cache
 def _warn_of_wrong_surfaces() -> None:
     """Say once that meshes are drawn from wrong triangles."""
-    warnings.warn(f"meshes of several parts are drawn with wrong surfaces: {install_line('robots')}", stacklevel=2)
+    warnings.warn(
+        f"meshes of several parts are drawn with wrong surfaces: {install_line('robots')}",
+        stacklevel=2,
+    )
 
 
 def _colour(mesh: Any) -> Colour:
-    """Colour of a mesh of trimesh's, which raises where it has none: of its material, or the mean of its texture."""
+    """Colour of a mesh of trimesh's, which raises where it has none: of its material, or the mean
+    of its texture.
+    """
     colours = mesh.visual.to_color().vertex_colors
     red, green, blue, alpha = (float(c) for c in np.mean(np.atleast_2d(colours), axis=0) / 255.0)
     return round(red, 2), round(green, 2), round(blue, 2), round(alpha, 2)
@@ -127,4 +148,6 @@ def _bounds(vertices: Vector) -> Vector:
 def _faces(geometry: coal.BVHModelBase) -> NDArray[np.int64]:
     """(m, 3) triangles of Pinocchio's mesh, which it gives one by one."""
     triangles = (geometry.tri_indices(k) for k in range(geometry.num_tris))
-    return np.array([[triangle[i] for i in range(3)] for triangle in triangles], dtype=np.int64).reshape(-1, 3)
+    return np.array(
+        [[triangle[i] for i in range(3)] for triangle in triangles], dtype=np.int64
+    ).reshape(-1, 3)

@@ -1,7 +1,8 @@
 """What a scene is made of: nodes with a shape and a look, and how they move.
 
-Nodes are named by paths; what moves moves all below it, and what is hidden hides it. A backend translates nodes and
-motions, and knows nothing of robots: :mod:`harpy_pin.view.scene.meshcat_backend` for replays, and
+Nodes are named by paths; what moves moves all below it, and what is hidden hides it. A backend
+translates nodes and motions, and knows nothing of robots:
+:mod:`harpy_pin.view.scene.meshcat_backend` for replays, and
 :mod:`harpy_pin.contrib.live.live_scene` for the live page.
 """
 
@@ -45,7 +46,9 @@ class Cylinder:
 
 @dataclass(frozen=True, eq=False)
 class Mesh:
-    """(n, 3) corners, m, and (m, 3) triangles. On bodies all edges are sharp, else those where no corner is shared."""
+    """(n, 3) corners, m, and (m, 3) triangles. On bodies all edges are sharp, else those where no
+    corner is shared.
+    """
 
     vertices: Vector
     faces: NDArray[np.int64]
@@ -53,7 +56,9 @@ class Mesh:
 
 @dataclass(frozen=True, eq=False)
 class Lines:
-    """(n, 2, 3) ends of segments, m; short ones, as some renderers lose lines that pass the camera."""
+    """(n, 2, 3) ends of segments, m; short ones, as some renderers lose lines that pass the
+    camera.
+    """
 
     points: Vector
 
@@ -67,10 +72,13 @@ class Look:
 
     colour: str  # #rrggbb
     opacity: float = 1.0  # between 0 and 1
-    # body is lit and casts a shadow, ground is lit, bright glows, even has its colour whatever the light, and shadow
+    # body is lit and casts a shadow, ground is lit, bright glows, even has its colour whatever the
+    # light, and shadow
     # shows nothing but shadows
     light: Literal["body", "ground", "bright", "even", "shadow"] = "even"
-    in_front: int = 0  # draws it through whatever stands before it, the larger the later; not where it is 0
+    in_front: int = (
+        0  # draws it through whatever stands before it, the larger the later; not where it is 0
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,7 +94,9 @@ class Node:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Motion:
-    """Where a node is at each of n moments, relative to the one above; what is None stays as it is."""
+    """Where a node is at each of n moments, relative to the one above; what is None stays as it
+    is.
+    """
 
     position: Vector | None = None  # (n, 3), m
     quaternion: Vector | None = None  # (n, 4) x, y, z, w
@@ -104,7 +114,9 @@ def from_matrices(matrices: Vector) -> Motion:
 
 
 def turn_z_to(directions: Vector) -> Vector:
-    """(n, 4) quaternions x, y, z, w of the shortest rotations that turn the z axis onto (n, 3) unit vectors."""
+    """(n, 4) quaternions x, y, z, w of the shortest rotations that turn the z axis onto (n, 3) unit
+    vectors.
+    """
     x, y, z = directions.T
     quaternion = np.stack((-y, x, np.zeros_like(x), 1.0 + z), axis=1)
     quaternion[1.0 + z < 1e-9] = (1.0, 0.0, 0.0, 0.0)
@@ -122,7 +134,8 @@ def revolved(profile: Sequence[tuple[float, float]]) -> Mesh:
     """A surface about the z axis.
 
     Args:
-        profile: radius and height of its circles, m, from the lower end to the upper one; it has an edge at each.
+        profile: radius and height of its circles, m, from the lower end to the upper one; it has an
+            edge at each.
     """
     angle = 2.0 * np.pi * np.arange(SIDES) / SIDES
     circle = np.stack((np.cos(angle), np.sin(angle), np.zeros(SIDES)), axis=1)
@@ -130,7 +143,10 @@ def revolved(profile: Sequence[tuple[float, float]]) -> Mesh:
     vertices = np.concatenate([ring for pair in pairwise(rings) for ring in pair])
     here, there = np.arange(SIDES), np.roll(np.arange(SIDES), -1)
     band = np.concatenate(
-        (np.stack((here, there, SIDES + there), axis=1), np.stack((here, SIDES + there, SIDES + here), axis=1))
+        (
+            np.stack((here, there, SIDES + there), axis=1),
+            np.stack((here, SIDES + there, SIDES + here), axis=1),
+        )
     )
     return Mesh(vertices, np.concatenate([band + 2 * SIDES * k for k in range(len(profile) - 1)]))
 

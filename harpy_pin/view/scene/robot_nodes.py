@@ -1,8 +1,9 @@
 """The robot: the shapes of its links at its joints, and Harpy's real lower leg.
 
-Harpy's model is the equivalent serial chain (equations.md §3): thigh and tarsus in one link of 0.5 m, the shin at its
-end. The real shin begins at the knee motor, 0.3 m down the thigh, and stays parallel to the serial one; the tarsus
-leads from its end to the foot, parallel to the thigh: a parallelogram whose other two sides the URDF's chain draws.
+Harpy's model is the equivalent serial chain (equations.md §3): thigh and tarsus in one link of 0.5
+m, the shin at its end. The real shin begins at the knee motor, 0.3 m down the thigh, and stays
+parallel to the serial one; the tarsus leads from its end to the foot, parallel to the thigh: a
+parallelogram whose other two sides the URDF's chain draws.
 """
 
 from __future__ import annotations
@@ -51,13 +52,16 @@ Y_UP = pin.SE3(np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]), n
 HEADER = 1 << 14
 """Bytes of a COLLADA file within which it names its axis."""
 SHOWN_GROUPS = 2
-"""Last group of geoms that MuJoCo's viewer shows from the start: collision shapes are in later ones."""
+"""Last group of geoms that MuJoCo's viewer shows from the start: collision shapes are in later
+ones.
+"""
 MOTOR_TOLERANCE = 0.02
 """How far the thigh's centre of mass may be from the knee motor's place, m."""
 
 
 class RobotNodes:
-    """A robot as it looks; one without visuals, or whose mesh files are missing, is a skeleton of rods between joints.
+    """A robot as it looks; one without visuals, or whose mesh files are missing, is a skeleton of
+    rods between joints.
 
     Args:
         robot: who is drawn.
@@ -71,10 +75,14 @@ class RobotNodes:
         self.names = [f"robot/{node_name(name)}" for name in robot.model.names]
         self.nodes: list[Node] = []
         for number, shape in enumerate(load_visuals(robot)):
-            self._add_shape(f"{self.names[shape.parentJoint]}/{number}_{node_name(shape.name)}", shape)
+            self._add_shape(
+                f"{self.names[shape.parentJoint]}/{number}_{node_name(shape.name)}", shape
+            )
         if not self.nodes:
             self._add_skeleton(robot, 0.02 * max(height, 0.1))
-        self._legs = [leg for leg in (find_pantograph(robot, foot) for foot in robot.feet) if leg is not None]
+        self._legs = [
+            leg for leg in (find_pantograph(robot, foot) for foot in robot.feet) if leg is not None
+        ]
         for leg in self._legs:
             self.nodes += leg.nodes
 
@@ -106,7 +114,10 @@ class RobotNodes:
     def _add_skeleton(self, robot: Robot, radius: float) -> None:
         """Rods from each joint to its child joints and feet, and a ball at each joint."""
         model = robot.model
-        ends = [(model.parents[j], model.jointPlacements[j].translation) for j in range(2, model.njoints)]
+        ends = [
+            (model.parents[j], model.jointPlacements[j].translation)
+            for j in range(2, model.njoints)
+        ]
         feet = [model.frames[robot.frame_id(name)] for name in robot.feet]
         ends += [(frame.parentJoint, frame.placement.translation) for frame in feet]
         for number, (joint, end) in enumerate(ends):
@@ -116,14 +127,17 @@ class RobotNodes:
                 turn = pin.Quaternion(turn_z_to((end / length)[None])[0]).matrix()
                 placement = np.eye(4)
                 placement[:3, :3], placement[:3, 3] = turn, 0.5 * end
-                self.nodes.append(Node(f"{name}/rod_{number}", Cylinder(length, radius), GREY, placement))
+                self.nodes.append(
+                    Node(f"{name}/rod_{number}", Cylinder(length, radius), GREY, placement)
+                )
 
 
 def load_visuals(robot: Robot) -> list[pin.GeometryObject]:
     """Visual shapes of a robot's URDF, or of its MJCF file: those that MuJoCo's viewer shows.
 
-    Files of meshes are looked for in the folders above the URDF, also by the names of the packages that these are. A
-    mesh that cannot be read is left out, with a warning; without any shape there are none.
+    Files of meshes are looked for in the folders above the URDF, also by the names of the packages
+    that these are. A mesh that cannot be read is left out, with a warning; without any shape there
+    are none.
     """
     if robot.urdf is None:
         return []
@@ -138,7 +152,9 @@ def load_visuals(robot: Robot) -> list[pin.GeometryObject]:
         for capsule in geometry.findall("capsule"):  # which Pinocchio's reader does not know
             radius, length = (float(capsule.get(name, "0")) for name in ("radius", "length"))
             geometry.remove(capsule)
-            ElementTree.SubElement(geometry, "cylinder", radius=str(radius), length=str(length + 2.0 * radius))
+            ElementTree.SubElement(
+                geometry, "cylinder", radius=str(radius), length=str(length + 2.0 * radius)
+            )
     try:
         shapes = _urdf_shapes(robot.model, root, folders)
     except (ValueError, RuntimeError):
@@ -146,15 +162,27 @@ def load_visuals(robot: Robot) -> list[pin.GeometryObject]:
         shapes = _urdf_shapes(robot.model, root, folders)
         names = f"'{missing[0]}'{f' and {len(missing) - 1} more' if len(missing) > 1 else ''}"
         instead = "" if shapes else "; drawing a skeleton"
-        warnings.warn(f"'{robot.urdf}' without meshes that cannot be read: {names}{instead}; {HINT}", stacklevel=2)
+        warnings.warn(
+            f"'{robot.urdf}' without meshes that cannot be read: {names}{instead}; {HINT}",
+            stacklevel=2,
+        )
     _stand_up(robot.model, shapes)
     return shapes
 
 
-def _urdf_shapes(model: pin.Model, root: ElementTree.Element, folders: Sequence[Path]) -> list[pin.GeometryObject]:
+def _urdf_shapes(
+    model: pin.Model, root: ElementTree.Element, folders: Sequence[Path]
+) -> list[pin.GeometryObject]:
     """Visual shapes of a URDF; Pinocchio's error where a mesh cannot be read."""
-    text, where = ElementTree.tostring(root, encoding="unicode"), [str(folder) for folder in folders]
-    return list(pin.buildGeomFromUrdfString(model, text, pin.GeometryType.VISUAL, package_dirs=where).geometryObjects)
+    text, where = (
+        ElementTree.tostring(root, encoding="unicode"),
+        [str(folder) for folder in folders],
+    )
+    return list(
+        pin.buildGeomFromUrdfString(
+            model, text, pin.GeometryType.VISUAL, package_dirs=where
+        ).geometryObjects
+    )
 
 
 def _drop_unreadable(root: ElementTree.Element, folders: Sequence[Path]) -> list[str]:
@@ -165,7 +193,11 @@ def _drop_unreadable(root: ElementTree.Element, folders: Sequence[Path]) -> list
             alone = ElementTree.Element("robot", name="alone")
             ElementTree.SubElement(alone, "link", name="link").append(visual)
             try:
-                _urdf_shapes(pin.buildModelFromXML(ElementTree.tostring(alone, encoding="unicode")), alone, folders)
+                _urdf_shapes(
+                    pin.buildModelFromXML(ElementTree.tostring(alone, encoding="unicode")),
+                    alone,
+                    folders,
+                )
             except (ValueError, RuntimeError):
                 link.remove(visual)
                 missing += [mesh.get("filename", "") for mesh in visual.iter("mesh")]
@@ -175,12 +207,18 @@ def _drop_unreadable(root: ElementTree.Element, folders: Sequence[Path]) -> list
 def _package_in(folder: Path) -> str | None:
     """Name of the ROS package in a folder; None where there is none."""
     file = folder / "package.xml"
-    found = re.search(r"<name>\s*(.*?)\s*</name>", file.read_text(errors="replace")) if file.is_file() else None
+    found = (
+        re.search(r"<name>\s*(.*?)\s*</name>", file.read_text(errors="replace"))
+        if file.is_file()
+        else None
+    )
     return found[1] if found else None
 
 
 def _file_of(name: str, folder: Path, packages: Mapping[str, Path]) -> str:
-    """Path of a mesh file; its name in the URDF, which Pinocchio looks for, where it is not there."""
+    """Path of a mesh file; its name in the URDF, which Pinocchio looks for, where it is not
+    there.
+    """
     package, _, rest = name.removeprefix("package://").partition("/")
     if name.startswith("package://"):
         found = packages.get(package, folder / "nowhere") / rest
@@ -204,7 +242,9 @@ def _mujoco_shapes(robot: Robot, model: Any) -> list[pin.GeometryObject]:
         )
         shape = pin.GeometryObject(f"{link}_{number}", frame.parentJoint, index, place, geometry)
         material = int(model.geom_matid[number])
-        shape.meshColor = np.array(model.geom_rgba[number] if material < 0 else model.mat_rgba[material], float)
+        shape.meshColor = np.array(
+            model.geom_rgba[number] if material < 0 else model.mat_rgba[material], float
+        )
         shape.overrideMaterial = True
         shapes.append(shape)
     return shapes
@@ -220,7 +260,9 @@ def _mujoco_geometry(model: Any, number: int) -> coal.CollisionGeometry | None:
         drawn = coal.BVHModelOBBRSS()
         drawn.beginModel(int(model.mesh_facenum[mesh]), int(model.mesh_vertnum[mesh]))
         drawn.addVertices(model.mesh_vert[first : first + model.mesh_vertnum[mesh]].astype(float))
-        drawn.addTriangles(model.mesh_face[faces : faces + model.mesh_facenum[mesh]].astype(np.uint64))
+        drawn.addTriangles(
+            model.mesh_face[faces : faces + model.mesh_facenum[mesh]].astype(np.uint64)
+        )
         drawn.endModel()
         return drawn
     made = {
@@ -234,10 +276,11 @@ def _mujoco_geometry(model: Any, number: int) -> coal.CollisionGeometry | None:
 
 
 def _stand_up(model: pin.Model, shapes: list[pin.GeometryObject]) -> None:
-    """Turn the meshes of COLLADA files whose y axis points up, if the links' centres of mass lie nearer to them then.
+    """Turn the meshes of COLLADA files whose y axis points up, if the links' centres of mass lie
+    nearer to them then.
 
-    Some URDFs are written for readers that turn such files (Gazebo), some for those that do not (RViz, Pinocchio); none
-    says for which.
+    Some URDFs are written for readers that turn such files (Gazebo), some for those that do not
+    (RViz, Pinocchio); none says for which.
     """
     files = [shape for shape in shapes if _has_y_up(shape.meshPath)]
     apart = np.zeros(2)
@@ -245,7 +288,9 @@ def _stand_up(model: pin.Model, shapes: list[pin.GeometryObject]) -> None:
         centre = shape.placement.actInv(model.inertias[shape.parentJoint].lever)
         corners = np.asarray(shape.geometry.vertices())
         for k, turned in enumerate((corners, corners @ Y_UP.rotation.T)):
-            apart[k] += np.linalg.norm(np.clip(centre, turned.min(axis=0), turned.max(axis=0)) - centre)
+            apart[k] += np.linalg.norm(
+                np.clip(centre, turned.min(axis=0), turned.max(axis=0)) - centre
+            )
     if apart[1] < apart[0]:
         for shape in files:
             shape.placement = shape.placement * Y_UP
@@ -267,7 +312,9 @@ def _primitive(shape: coal.CollisionGeometry) -> Shape | None:
         angles = np.linspace(-0.5 * np.pi, 0.5 * np.pi, 24)
         ball = revolved([(float(np.cos(a)), float(np.sin(a))) for a in angles])
         return Mesh(ball.vertices * shape.radii, ball.faces)
-    if isinstance(shape, coal.Cylinder | coal.Capsule):  # a capsule as a cylinder of the same overall length
+    if isinstance(
+        shape, coal.Cylinder | coal.Capsule
+    ):  # a capsule as a cylinder of the same overall length
         ends = shape.radius if isinstance(shape, coal.Capsule) else 0.0
         return Cylinder(float(2.0 * (shape.halfLength + ends)), float(shape.radius))
     if isinstance(shape, coal.Cone):
@@ -302,18 +349,28 @@ class Pantograph:
 
     @property
     def nodes(self) -> list[Node]:
-        """Shin, tarsus, and pins where they turn: the ankle, and the serial knee at the opposite corner."""
+        """Shin, tarsus, and pins where they turn: the ankle, and the serial knee at the opposite
+        corner.
+        """
         half, across = shifted(z=-0.5 * self.shin), np.eye(4)
         across[:3, :3] = [[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]
         bars = (("shin", 0.022), ("tarsus", 0.018))
         return [
-            *(Node(f"{self.path}/{name}/bar", Box((width, 0.014, self.shin)), CARBON, half) for name, width in bars),
-            *(Node(f"{self.path}/{name}_pin/pin", Cylinder(0.05, 0.008), ROD, across) for name in ("ankle", "knee")),
+            *(
+                Node(f"{self.path}/{name}/bar", Box((width, 0.014, self.shin)), CARBON, half)
+                for name, width in bars
+            ),
+            *(
+                Node(f"{self.path}/{name}_pin/pin", Cylinder(0.05, 0.008), ROD, across)
+                for name in ("ankle", "knee")
+            ),
         ]
 
     def motions(self, joints: Vector) -> Motions:
         """The lower leg follows the joints of the equivalent chain."""
-        shank, thigh = (from_matrices(joints[:, j]).quaternion for j in (self.shank_joint, self.thigh_joint))
+        shank, thigh = (
+            from_matrices(joints[:, j]).quaternion for j in (self.shank_joint, self.thigh_joint)
+        )
         ankle, knee = self.ankle(joints), joints[:, self.shank_joint, :3, 3]
         return {
             f"{self.path}/shin": Motion(position=self.motor(joints), quaternion=shank),
@@ -326,8 +383,9 @@ class Pantograph:
 def find_pantograph(robot: Robot, foot: str) -> Pantograph | None:
     """The lower leg of a foot, where the leg is of Harpy's kind; None where it is of another.
 
-    That is: a hip x, hip y, knee y chain whose upper link is longer than the lower one, with its mass (the knee motor)
-    where the shin of a parallelogram would begin. An ordinary serial leg has its mass elsewhere.
+    That is: a hip x, hip y, knee y chain whose upper link is longer than the lower one, with its
+    mass (the knee motor) where the shin of a parallelogram would begin. An ordinary serial leg has
+    its mass elsewhere.
     """
     try:
         leg = LegGeometry.from_robot(robot, foot)
@@ -339,4 +397,6 @@ def find_pantograph(robot: Robot, foot: str) -> Pantograph | None:
     mass_at = -float(model.inertias[chain[1]].lever[2])
     if thigh <= 0.0 or leg.lower <= 0.0 or abs(mass_at - thigh) > MOTOR_TOLERANCE:
         return None
-    return Pantograph(f"lower_leg/{node_name(foot)}", int(chain[1]), int(chain[2]), thigh, leg.lower)
+    return Pantograph(
+        f"lower_leg/{node_name(foot)}", int(chain[1]), int(chain[2]), thigh, leg.lower
+    )

@@ -1,7 +1,8 @@
-"""The scene of a run: robot, ground, forces in their friction cones and references, and how they move.
+"""The scene of a run: robot, ground, forces in their friction cones and references, and how they
+move.
 
-The camera follows the walk: the node of the world slides the other way, so that the robot stays in front of a camera
-that stands still, and turning the view with the mouse turns it about the robot.
+The camera follows the walk: the node of the world slides the other way, so that the robot stays in
+front of a camera that stands still, and turning the view with the mouse turns it about the robot.
 """
 
 from __future__ import annotations
@@ -17,17 +18,30 @@ from harpy_pin.model.state import Vector
 from harpy_pin.view.palette import APPLIED, BODY, ESTIMATE, TARGET
 from harpy_pin.view.scene.forces import Forces, Scales
 from harpy_pin.view.scene.frames import Frames, normal_floor
-from harpy_pin.view.scene.ground import ground_nodes, marks, pressure_motions, pressure_nodes, slip_marks
+from harpy_pin.view.scene.ground import (
+    ground_nodes,
+    marks,
+    pressure_motions,
+    pressure_nodes,
+    slip_marks,
+)
 from harpy_pin.view.scene.nodes import Lines, Look, Motion, Motions, Node, Sphere
 from harpy_pin.view.scene.robot_nodes import RobotNodes
 
 FLIES, MOST_RISE = 0.2, 5.0
-"""Rise of the body above the ground from which on the picture shows more, m, and up to which it does."""
+"""Rise of the body above the ground from which on the picture shows more, m, and up to which it
+does.
+"""
 MIDDLE = 0.32
 """Height of the picture's middle above the ground, as a share of what fits."""
 WINDOW = 1.5
 """Time over which the camera's path is averaged, s: two steps of the gait."""
-BALLS = (("target", TARGET, 0.030), ("applied", APPLIED, 0.023), ("estimate", ESTIMATE, 0.019), ("body", BODY, 0.016))
+BALLS = (
+    ("target", TARGET, 0.030),
+    ("applied", APPLIED, 0.023),
+    ("estimate", ESTIMATE, 0.019),
+    ("body", BODY, 0.016),
+)
 """References, their colours, and their balls' radius as a share of the robot's height."""
 
 
@@ -36,19 +50,23 @@ class Scene:
     """What is drawn of a run."""
 
     size: float  # height that has to fit in the picture, m
-    nodes: list[Node] = field(default_factory=list)  # by paths below the node that stands for the world's frame
+    nodes: list[Node] = field(
+        default_factory=list
+    )  # by paths below the node that stands for the world's frame
     # one row for each frame, by the nodes' paths; that of the world has the empty path
     motions: Motions = field(default_factory=dict)
 
 
 class RobotScene:
-    """What shows a robot at any moment: links, forces in their friction cones, centre of pressure, references.
+    """What shows a robot at any moment: links, forces in their friction cones, centre of pressure,
+    references.
 
     Args:
         robot: who is drawn.
         height: of its body above the ground, m: the size of all that is not a link.
         cones: draw friction cones.
-        references: places that are drawn, of those in :data:`BALLS`; the body is one where there is any.
+        references: places that are drawn, of those in :data:`BALLS`; the body is one where there is
+            any.
         cone: further arguments of :class:`~harpy_pin.view.scene.forces.Forces`.
 
     Attributes:
@@ -57,7 +75,13 @@ class RobotScene:
     """
 
     def __init__(
-        self, robot: Robot, height: float, *, cones: bool, references: Collection[str] = (), **cone: Any
+        self,
+        robot: Robot,
+        height: float,
+        *,
+        cones: bool,
+        references: Collection[str] = (),
+        **cone: Any,
     ) -> None:
         self.scales = Scales.of(robot, height)
         self._robot = RobotNodes(robot, height)
@@ -68,12 +92,19 @@ class RobotScene:
             Node(
                 f"reference/{label}",
                 Sphere(radius * self.scales.height),
-                Look(colour, light="bright", in_front=10 + order),  # through the body that they are in
+                Look(
+                    colour, light="bright", in_front=10 + order
+                ),  # through the body that they are in
             )
             for order, (label, colour, radius) in enumerate(BALLS)
             if label in self._balls
         ]
-        self.nodes = [*pressure_nodes(self.scales.height), *self._robot.nodes, *self._forces.nodes, *balls]
+        self.nodes = [
+            *pressure_nodes(self.scales.height),
+            *self._robot.nodes,
+            *self._forces.nodes,
+            *balls,
+        ]
 
     def motions(self, frames: Frames) -> Motions:
         """Where everything is at each of the frames."""
@@ -84,12 +115,16 @@ class RobotScene:
         motions = pressure_motions(frames) | self._robot.motions(frames.joints)
         motions |= self._forces.motions(contacts, *forces)
         places = {label: points[frames.rows] for label, points in frames.references.items()}
-        known = {label: np.asarray(np.isfinite(points).all(axis=1)) for label, points in places.items()}
+        known = {
+            label: np.asarray(np.isfinite(points).all(axis=1)) for label, points in places.items()
+        }
         if places:
             places["body"], known["body"] = frames["q"][:, :3], np.any(list(known.values()), axis=0)
         for label in self._balls:
             points, shown = places[label], known[label]
-            motions[f"reference/{label}"] = Motion(position=np.where(shown[:, None], points, 0.0), visible=shown)
+            motions[f"reference/{label}"] = Motion(
+                position=np.where(shown[:, None], points, 0.0), visible=shown
+            )
         return motions
 
 
@@ -133,11 +168,14 @@ def follow(frames: Frames) -> Vector:
     if surface is not None:
         lines.append(surface.height(lines[0].copy(), lines[1].copy()))
     for axis, line in enumerate(lines):
-        # Continued straight on at both ends, so that the camera starts and stops with the body in the middle.
+        # Continued straight on at both ends, so that the camera starts and stops with the body in
+        # the middle.
         before = 2.0 * line[0] - line[half:0:-1]
         after = 2.0 * line[-1] - line[-2 : -half - 2 : -1]
         padded = np.concatenate((before, line, after))
-        path[:, axis] = np.convolve(padded, np.full(2 * half + 1, 1.0 / (2 * half + 1)), mode="valid")
+        path[:, axis] = np.convolve(
+            padded, np.full(2 * half + 1, 1.0 / (2 * half + 1)), mode="valid"
+        )
     return path
 
 

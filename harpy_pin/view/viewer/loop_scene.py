@@ -1,4 +1,6 @@
-"""What a viewer shows of a loop: the replay's scene of one moment, with the camera following the robot."""
+"""What a viewer shows of a loop: the replay's scene of one moment, with the camera following the
+robot.
+"""
 
 from __future__ import annotations
 
@@ -30,7 +32,8 @@ class LoopScene:
     Args:
         robot: who is drawn.
         ground: of :meth:`harpy_pin.Ground.to_dict`; empty where it is not known.
-        first: moment (1,) that the sizes are taken from (:func:`harpy_pin.view.viewer.moments.moment_type`).
+        first: moment (1,) that the sizes are taken from
+            (:func:`harpy_pin.view.viewer.moments.moment_type`).
 
     Attributes:
         robot: as given.
@@ -46,7 +49,11 @@ class LoopScene:
         self.cones = frames.ground is not None
         self.size, height = picture_size(frames), float(first["q"][0, 2])
         self._drawn = RobotScene(
-            robot, height, cones=self.cones, per_axis=frames.contacts.per_axis, references=("target", "applied")
+            robot,
+            height,
+            cones=self.cones,
+            per_axis=frames.contacts.per_axis,
+            references=("target", "applied"),
         )
         self.scales = self._drawn.scales
         around = REACH * np.array([[-1.0, -1.0, 0.0], [1.0, 1.0, 0.0]])
@@ -75,9 +82,15 @@ class LoopScene:
         return Frames(Run(signals, self._metadata), self.robot)
 
     def _below(self, frames: Frames) -> Vector:
-        """(3,) the place on the ground below the body, m; above it where the body flies out of the picture."""
+        """(3,) the place on the ground below the body, m; above it where the body flies out of the
+        picture.
+        """
         place = frames["q"][0, :3].copy()
-        ground = 0.0 if frames.surface is None else float(frames.surface.height(place[:1].copy(), place[1:2].copy())[0])
+        ground = (
+            0.0
+            if frames.surface is None
+            else float(frames.surface.height(place[:1].copy(), place[1:2].copy())[0])
+        )
         place[2] = max(ground, place[2] - LEASH * self.size)
         return np.asarray(place)
 

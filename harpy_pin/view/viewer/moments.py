@@ -1,4 +1,6 @@
-"""The newest moment of a loop, in memory that two processes share: the writer never waits for the reader."""
+"""The newest moment of a loop, in memory that two processes share: the writer never waits for the
+reader.
+"""
 
 from __future__ import annotations
 
@@ -63,7 +65,9 @@ class Slot:
         self._count[0] = number
 
     def read(self, since: int) -> tuple[NDArray[Any], int] | None:
-        """A copy of the moment (1,) and its number; None where it is the one of number ``since``, or half written."""
+        """A copy of the moment (1,) and its number; None where it is the one of number ``since``,
+        or half written.
+        """
         number = int(self._count[0])
         moment = self._moment.copy()
         if number == since or number % 2 or number != int(self._count[0]):

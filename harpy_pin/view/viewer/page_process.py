@@ -1,7 +1,9 @@
-"""The process of a viewer's page: draws the newest moment, at most thirty times a second, where somebody looks.
+"""The process of a viewer's page: draws the newest moment, at most thirty times a second, where
+somebody looks.
 
-It is Meshcat's server with the drawing beside it. Meshcat's keeps every property that was ever set, so nodes are moved
-by transforms, of which it keeps the last. The process ends with its parent: when its standard input is closed.
+It is Meshcat's server with the drawing beside it. Meshcat's keeps every property that was ever set,
+so nodes are moved by transforms, of which it keeps the last. The process ends with its parent: when
+its standard input is closed.
 """
 
 from __future__ import annotations
@@ -20,7 +22,12 @@ from typing import Any
 import numpy as np
 import umsgpack
 from meshcat.servers.tree import find_node, walk
-from meshcat.servers.zmqserver import VIEWER_ROOT, StaticFileHandlerNoCache, WebSocketHandler, ZMQWebSocketBridge
+from meshcat.servers.zmqserver import (
+    VIEWER_ROOT,
+    StaticFileHandlerNoCache,
+    WebSocketHandler,
+    ZMQWebSocketBridge,
+)
 from tornado.httpserver import HTTPServer
 from tornado.ioloop import PeriodicCallback
 from tornado.web import Application, RequestHandler
@@ -36,7 +43,9 @@ LOCAL = r"(localhost|127\.0\.0\.1|\[::1\])"
 FRAME_RATE = 30.0
 """Frames per second, at most."""
 ON_THE_WAY = 1 << 16
-"""Bytes that are on their way to a browser: some frames. A slow one would otherwise see what was seconds ago."""
+"""Bytes that are on their way to a browser: some frames. A slow one would otherwise see what was
+seconds ago.
+"""
 PATIENCE = 10
 """Lower priority of this process: the loop comes first."""
 
@@ -44,13 +53,18 @@ PATIENCE = 10
 class Socket(WebSocketHandler):  # type: ignore[misc]
     """A browser's connection: Meshcat's, which says nothing on the terminal.
 
-    A message holds any number of Meshcat's commands, each after its length, so that no half of a frame is ever seen.
+    A message holds any number of Meshcat's commands, each after its length, so that no half of a
+    frame is ever seen.
     """
 
     def open(self) -> None:
         """Send the scene as it is."""
         nodes = walk(self.bridge.tree)
-        parts = [part for node in nodes for part in (node.object, *node.properties, node.transform, node.animation)]
+        parts = [
+            part
+            for node in nodes
+            for part in (node.object, *node.properties, node.transform, node.animation)
+        ]
         self.write_commands(part for part in parts if part is not None)
         self.bridge.websocket_pool.add(self)
 
@@ -63,7 +77,9 @@ class Socket(WebSocketHandler):  # type: ignore[misc]
         self.write_commands([message])
 
     def write_commands(self, commands: Iterable[bytes]) -> None:
-        """Send commands that are carried out together; nothing to a browser that is being closed."""
+        """Send commands that are carried out together; nothing to a browser that is being
+        closed.
+        """
         together = b"".join(len(command).to_bytes(4) + command for command in commands)
         with suppress(WebSocketClosedError):
             sent = super().write_message(together, binary=True)
@@ -100,7 +116,9 @@ class Page(ZMQWebSocketBridge):  # type: ignore[misc]
         self._scene, self._slot = scene, slot
         self._number = 0  # of the moment that is drawn
         self._drawn = -np.inf  # when it was, s
-        self._moves: dict[tuple[str, str], bytes] = {}  # what is drawn, by path and kind of the command
+        self._moves: dict[
+            tuple[str, str], bytes
+        ] = {}  # what is drawn, by path and kind of the command
         self._late: set[Socket] = set()  # browsers that missed a frame
         super().__init__("tcp://127.0.0.1:*", port=listener.getsockname()[1])
         HTTPServer(self.app).add_socket(listener)
@@ -137,7 +155,9 @@ class Page(ZMQWebSocketBridge):  # type: ignore[misc]
             self.draw()
 
     def draw(self) -> None:
-        """Draw the newest moment, and send what has changed; a slow browser misses frames, and no other does."""
+        """Draw the newest moment, and send what has changed; a slow browser misses frames, and no
+        other does.
+        """
         changed: list[bytes] = []
         read = self._slot.read(self._number)
         if read is not None:
@@ -167,7 +187,11 @@ class Page(ZMQWebSocketBridge):  # type: ignore[misc]
         elif command["type"] == "set_transform":
             node.transform = data
         else:
-            kept = [old for old in node.properties if umsgpack.unpackb(old)["property"] != command["property"]]
+            kept = [
+                old
+                for old in node.properties
+                if umsgpack.unpackb(old)["property"] != command["property"]
+            ]
             node.properties = [*kept, data]
 
 
@@ -178,9 +202,13 @@ def page_text(scene: LoopScene) -> str:
     rows += [("friction cone", FRICTION), ("slides", SLIDING)] if scene.cones else []
     rows += [("thrust", THRUST)] if scene.robot.thrusters else []
     rows += [("target", TARGET), ("applied", APPLIED), ("body", BODY)]
-    key = "".join(f'<span><i style="background: {colour}"></i>{name}</span>' for name, colour in rows)
+    key = "".join(
+        f'<span><i style="background: {colour}"></i>{name}</span>' for name, colour in rows
+    )
     text = files("harpy_pin.view.viewer").joinpath("page.html").read_text(encoding="utf-8")
-    return text.replace("{{title}}", escape(scene.robot.name)).replace("{{key}}", f"{key}<span>{newtons}</span>")
+    return text.replace("{{title}}", escape(scene.robot.name)).replace(
+        "{{key}}", f"{key}<span>{newtons}</span>"
+    )
 
 
 def serve(slot_file: int, listener_file: int) -> None:

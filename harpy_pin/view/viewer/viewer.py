@@ -1,8 +1,10 @@
-"""A viewer for a loop of one's own: the loop's thread copies numbers, and another process draws them in Meshcat.
+"""A viewer for a loop of one's own: the loop's thread copies numbers, and another process draws
+them in Meshcat.
 
-Drawing takes milliseconds of Python. In a thread it would hold the interpreter's lock, and the loop would wait for it
-whenever it comes back from a simulator or from sleep. So the page has a process of its own, and the loop writes into a
-slot of memory that both share: nothing is sent, and nothing is waited for.
+Drawing takes milliseconds of Python. In a thread it would hold the interpreter's lock, and the loop
+would wait for it whenever it comes back from a simulator or from sleep. So the page has a process
+of its own, and the loop writes into a slot of memory that both share: nothing is sent, and nothing
+is waited for.
 """
 
 from __future__ import annotations
@@ -50,18 +52,20 @@ UNIT = (0.5, 2.0)
 class Viewer(AbstractContextManager["Viewer"]):
     """A Meshcat page of a robot that follows a loop of one's own, at most 30 times a second.
 
-    It has the habits of Pinocchio's ``MeshcatVisualizer``: :meth:`display` draws a configuration. :meth:`show` draws a
-    state with contact forces, friction cones, thrusts and references: the scene of a replay. Both return at once; what
-    they are given is checked and copied, and the newest is drawn by a process of its own, while a browser looks.
+    It has the habits of Pinocchio's ``MeshcatVisualizer``: :meth:`display` draws a configuration.
+    :meth:`show` draws a state with contact forces, friction cones, thrusts and references: the
+    scene of a replay. Both return at once; what they are given is checked and copied, and the
+    newest is drawn by a process of its own, while a browser looks.
 
-    The page ends with :meth:`close`, with its ``with`` block, or with the program, however that ends. In a notebook the
-    viewer as the value of a cell is the page. It is for one thread.
+    The page ends with :meth:`close`, with its ``with`` block, or with the program, however that
+    ends. In a notebook the viewer as the value of a cell is the page. It is for one thread.
 
     Args:
         robot: that is drawn.
-        ground: as far as it is known: its friction gives the cones, its terrain is drawn within some metres of the
-            origin. Level ground without cones by default.
-        q: (nq,) configuration that is shown first, from which sizes are taken; by default the robot stands.
+        ground: as far as it is known: its friction gives the cones, its terrain is drawn within
+            some metres of the origin. Level ground without cones by default.
+        q: (nq,) configuration that is shown first, from which sizes are taken; by default the robot
+            stands.
         open: open the page in the default browser.
         port: to serve the page on, on this machine; any free one by default.
 
@@ -92,7 +96,9 @@ class Viewer(AbstractContextManager["Viewer"]):
         self._numbers = self._moment.view(np.float64)
         self._measured = self._numbers[: kind.fields["x_r"][1] // 8]  # type: ignore[index]
         self._quaternion = self._views["q"][3:7]
-        self._followed: Any = None  # a gait of the clock alone, which controllers and the viewer follow by copies
+        self._followed: Any = (
+            None  # a gait of the clock alone, which controllers and the viewer follow by copies
+        )
         self._set_configuration(_standing(robot) if q is None else q)
         with _listen(port) as listener, tempfile.TemporaryFile() as file:
             self.url = f"http://127.0.0.1:{listener.getsockname()[1]}/static/"
@@ -121,7 +127,8 @@ class Viewer(AbstractContextManager["Viewer"]):
         """Draw a configuration, without forces and references.
 
         Args:
-            q: (nq,) configuration, in Pinocchio's order (see :class:`~harpy_pin.model.state.State`).
+            q: (nq,) configuration, in Pinocchio's order (see
+                :class:`~harpy_pin.model.state.State`).
 
         Raises:
             InputError: another size, not finite, or no unit quaternion.
@@ -130,18 +137,21 @@ class Viewer(AbstractContextManager["Viewer"]):
         self._slot.write(self._numbers)
 
     def show(self, state: State, command: Command | None = None, reference: Any = None) -> None:
-        """Draw a state with the ground's forces on the feet, the thrusts of a command, and references.
+        """Draw a state with the ground's forces on the feet, the thrusts of a command, and
+        references.
 
         What it costs is a row of ``python -m comparison rates``.
 
         Args:
             state: that was measured.
             command: of the controller at that state, whose thrusts are drawn.
-            reference: whose target is drawn: a controller of this library, with its applied reference where it has one;
-                a gait; or any object with a :class:`~harpy_pin.gaits.gait.GaitTarget` as ``target``.
+            reference: whose target is drawn: a controller of this library, with its applied
+                reference where it has one; a gait; or any object with a
+                :class:`~harpy_pin.gaits.gait.GaitTarget` as ``target``.
 
         Raises:
-            InputError: of another robot, not finite, no unit quaternion, or a reference without a target.
+            InputError: of another robot, not finite, no unit quaternion, or a reference without a
+                target.
         """
         state, views = as_state(state, self.robot), self._views
         thrust = getattr(command, "thrust", None)
@@ -151,7 +161,9 @@ class Viewer(AbstractContextManager["Viewer"]):
         views["foot_position"][:] = state.foot_position
         views["foot_velocity"][:] = state.foot_velocity
         views["foot_force"][:] = state.foot_force
-        views["thrust"][:] = 0.0 if command is None else as_array("command.thrust", thrust, views["thrust"].shape)
+        views["thrust"][:] = (
+            0.0 if command is None else as_array("command.thrust", thrust, views["thrust"].shape)
+        )
         views["x_r"][:] = target
         views["x_w"][:] = applied
         self._require_possible()
@@ -198,7 +210,9 @@ class Viewer(AbstractContextManager["Viewer"]):
 
     @property
     def meshcat(self) -> Any:
-        """A ``meshcat.Visualizer`` of the page in world axes, for objects of one's own: Pinocchio's ``viz.viewer``."""
+        """A ``meshcat.Visualizer`` of the page in world axes, for objects of one's own: Pinocchio's
+        ``viz.viewer``.
+        """
         from meshcat import Visualizer
 
         return Visualizer(zmq_url=self._address)[ROOT]
@@ -238,7 +252,9 @@ class Viewer(AbstractContextManager["Viewer"]):
         signals: Mapping[str, Any] = getattr(reference, "telemetry", dict)()
         if "x_r" in signals:
             applied = signals.get("x_w")
-            return _place("x_r", signals["x_r"]), np.nan if applied is None else _place("x_w", applied)
+            return _place("x_r", signals["x_r"]), np.nan if applied is None else _place(
+                "x_w", applied
+            )
         if vars(type(reference)).get("constant", False):
             if self._followed is not reference:
                 self._followed, self._gait = reference, own_target(reference)
@@ -249,24 +265,41 @@ class Viewer(AbstractContextManager["Viewer"]):
     def _require_possible(self) -> None:
         """Refuse numbers that cannot be drawn."""
         if not self._measured @ self._measured < LARGEST**2:
-            possible = {name: np.abs(self._moment[name]) < LARGEST for name in ("t", *self._views)[:-2]}
+            possible = {
+                name: np.abs(self._moment[name]) < LARGEST for name in ("t", *self._views)[:-2]
+            }
             name = next((name for name, each in possible.items() if not each.all()), "t")
-            raise InputError(f"{name} must be finite, got {shown(self._moment[name][0].tolist())}", name=name)
+            raise InputError(
+                f"{name} must be finite, got {shown(self._moment[name][0].tolist())}", name=name
+            )
         unit = self._quaternion
         if not UNIT[0] <= unit @ unit <= UNIT[1]:
-            raise InputError(f"q must have a unit quaternion, got {shown(unit.tolist())}", name="q", value=unit.copy())
+            raise InputError(
+                f"q must have a unit quaternion, got {shown(unit.tolist())}",
+                name="q",
+                value=unit.copy(),
+            )
 
 
 def _place(of: str, value: Any) -> Vector:
     """The first three numbers of a reference, m."""
-    if not isinstance(value, np.ndarray) or value.dtype != np.float64 or value.ndim != 1 or len(value) < 3:
-        message = f"the reference's {of} must be an array of three numbers or more, got {shown(value)}"
+    if (
+        not isinstance(value, np.ndarray)
+        or value.dtype != np.float64
+        or value.ndim != 1
+        or len(value) < 3
+    ):
+        message = (
+            f"the reference's {of} must be an array of three numbers or more, got {shown(value)}"
+        )
         raise InputError(message, name="reference", value=value)
     return value[:3]
 
 
 def _standing(robot: Robot) -> Vector:
-    """(nq,) the robot as it stands; one that cannot has straight joints, and the lowest at height zero."""
+    """(nq,) the robot as it stands; one that cannot has straight joints, and the lowest at height
+    zero.
+    """
     with suppress(HarpyError):
         return Standing(robot).initial_state()[0]
     model, data = robot.model, robot.model.createData()
@@ -281,7 +314,9 @@ def _listen(port: int) -> socket.socket:
     try:
         return socket.create_server(("127.0.0.1", port))
     except OSError as error:
-        raise RunFileError(f"cannot serve the viewer on port {port}: {error.strerror or error}") from error
+        raise RunFileError(
+            f"cannot serve the viewer on port {port}: {error.strerror or error}"
+        ) from error
 
 
 def _start(slot: int, listener: int) -> Any:

@@ -1,15 +1,18 @@
-"""The search for the active set of a strictly convex program: the last one, its exchange, then the dual method.
+"""The search for the active set of a strictly convex program: the last one, its exchange, then the
+dual method.
 
-**Exchange.** The active set seldom changes from tick to tick, and then a solve is one linear system. With the active
-constraints guessed, the optimum solves H z + g = Wᵀλ, W z = w. The guess is right if and only if no other constraint is
-violated and every multiplier has its sign. If not, one constraint is exchanged, a few times: the wrong multiplier that
-is largest, or else the largest violation. It starts over without any where the active constraints depend on each other.
+**Exchange.** The active set seldom changes from tick to tick, and then a solve is one linear
+system. With the active constraints guessed, the optimum solves H z + g = Wᵀλ, W z = w. The guess is
+right if and only if no other constraint is violated and every multiplier has its sign. If not, one
+constraint is exchanged, a few times: the wrong multiplier that is largest, or else the largest
+violation. It starts over without any where the active constraints depend on each other.
 
-**Dual method** of Goldfarb and Idnani (1983). It starts from the optimum without constraints and adds the most violated
-one, with a step along which active constraints stay active and multipliers keep their signs; a constraint whose
-multiplier reaches zero on the way is dropped. The objective grows at every full step, so no active set comes twice and
-the method ends; where no step is left, the constraints contradict each other. Rounding may break that argument, so the
-exchanges are bounded.
+**Dual method** of Goldfarb and Idnani (1983). It starts from the optimum without constraints and
+adds the most violated one, with a step along which active constraints stay active and multipliers
+keep their signs; a constraint whose multiplier reaches zero on the way is dropped. The objective
+grows at every full step, so no active set comes twice and the method ends; where no step is left,
+the constraints contradict each other. Rounding may break that argument, so the exchanges are
+bounded.
 """
 
 from __future__ import annotations
@@ -25,23 +28,33 @@ from harpy_pin.model.state import Vector
 UNBOUNDED = 1e20
 """A bound of this size or more counts as infinite."""
 EXCHANGES = 6
-"""Systems solved before the dual method is called: more make the worst ticks longer, fewer G1's mean tick."""
+"""Systems solved before the dual method is called: more make the worst ticks longer, fewer G1's
+mean tick.
+"""
 TOLERANCE = ByPrecision(1e-7, single=1e-4)
 """Violation (N, N·m, m/s²) with which a guess still counts as right."""
 PULL = ByPrecision(1e-9, single=1e-7)
-"""Multiplier of the wrong sign with which a guess still counts as right. Forces of heavy robots weigh some 1e-8."""
+"""Multiplier of the wrong sign with which a guess still counts as right. Forces of heavy robots
+weigh some 1e-8.
+"""
 VIOLATION = ByPrecision(1e-9, single=1e-4)
 """Violation (N, N·m, m/s²) that the dual method leaves, besides what rounding leaves."""
 ROUNDING = ByPrecision(1e-13, single=1e-6)
 """Relative error of a row's value."""
 DEPENDENT = ByPrecision(1e-11, single=1e-4)
-"""Share of a constraint's normal outside the span of the active ones, below which it depends on them."""
+"""Share of a constraint's normal outside the span of the active ones, below which it depends on
+them.
+"""
 FOUND, EXHAUSTED, CONTRADICTORY = 0, 1, 2
-"""How the dual method ends: with the optimum, at its bound, or because constraints contradict each other."""
+"""How the dual method ends: with the optimum, at its bound, or because constraints contradict each
+other.
+"""
 
 
 class ProgramRecord(RecordOf):
-    """Arrays of a :class:`~harpy_pin.wbc.program.QuadraticProgram`: ½ zᵀH z + gᵀz, A z = b, l ≤ C z ≤ u."""
+    """Arrays of a :class:`~harpy_pin.wbc.program.QuadraticProgram`: ½ zᵀH z + gᵀz, A z = b, l ≤ C z
+    ≤ u.
+    """
 
     hessian: Vector = sized("size", "size")  # H, positive definite
     gradient: Vector = sized("size")  # g
@@ -61,9 +74,12 @@ class ActiveSetRecord(RecordOf):
     chosen: NDArray[np.int64] = sized("rows", whole=True)  # the active rows, packed to the front
     multiplier: Vector = sized("n_eq + rows")  # of the equalities and the active rows
     factor: Vector = sized("n", "n")  # L of H = Lᵀ L
-    columns: Vector = sized("n", "n_eq + rows + 1")  # L⁻ᵀ [Aᵀ Wᵀ −g], one column per active constraint
+    columns: Vector = sized(
+        "n", "n_eq + rows + 1"
+    )  # L⁻ᵀ [Aᵀ Wᵀ −g], one column per active constraint
     schur: Vector = sized("n_eq + rows", "n_eq + rows")  # factor of W H⁻¹ Wᵀ
-    budget: int  # exchanges of the dual method that all solves of a tick may take; a system counts as ``SYSTEM``
+    # exchanges of the dual method that all solves of a tick may take; a system counts as ``SYSTEM``
+    budget: int
     most: int  # that it may take in one solve
     left: int = ZERO  # of the budget, in this tick
     systems: int = ZERO  # solved in this tick
@@ -80,7 +96,9 @@ class DualRecord(RecordOf):
     active: NDArray[np.int64] = sized("rows", whole=True)
     scale: Vector = sized("rows")  # 1 / norm of each row of C
     factor: Vector = sized("n", "n")  # L of H = Lᵀ L
-    basis: Vector = sized("n", "n")  # Q L⁻ᵀ, Q turning the normals of the active constraints into [R; 0]
+    basis: Vector = sized(
+        "n", "n"
+    )  # Q L⁻ᵀ, Q turning the normals of the active constraints into [R; 0]
     triangle: Vector = sized("n", "n")  # R
     # the active constraints in the order of R: equalities, then n_eq + row
     chosen: NDArray[np.int64] = sized("n", whole=True)
@@ -193,7 +211,8 @@ def _solve_active(qp: ProgramRecord, w: ActiveSetRecord, count: int, z: Vector) 
 
 @kernel
 def _correct(qp: ProgramRecord, w: ActiveSetRecord, count: int, z: Vector) -> tuple[int, float]:
-    """Drop the row whose multiplier has the wrong sign by most, or else add the one that is violated by most.
+    """Drop the row whose multiplier has the wrong sign by most, or else add the one that is
+    violated by most.
 
     Returns:
         How many rows were wrong, and the largest violation; inf where a bound or row is NaN.
@@ -300,14 +319,18 @@ def _most_violated(qp: ProgramRecord, w: DualRecord, z: Vector) -> tuple[int, in
 def _bring_in(
     w: DualRecord, constraint: int, size: int, n_eq: int, slack: float, exchanges: int, z: Vector
 ) -> tuple[int, int, int]:
-    """Make ``w.normal`` · z = value hold, which falls short by −``slack``; drops constraints that block it.
+    """Make ``w.normal`` · z = value hold, which falls short by −``slack``; drops constraints that
+    block it.
 
     Returns:
         The outcome, the number of active constraints, and the exchanges so far.
     """
     n = z.shape[0]
     basis, triangle, turned, pull, multiplier = w.basis, w.triangle, w.turned, w.pull, w.multiplier
-    gained, first = 0.0, size  # multiplier of the constraint that comes in; where the inequalities begin
+    gained, first = (
+        0.0,
+        size,
+    )  # multiplier of the constraint that comes in; where the inequalities begin
     while first > 0 and w.chosen[first - 1] >= n_eq:
         first -= 1
     begin, end = 0, n  # rows of the basis that are new

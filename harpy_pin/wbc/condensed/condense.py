@@ -1,35 +1,40 @@
-"""The robot as six equations: limbs are eliminated, and the contact forces are the unknowns that remain.
+"""The robot as six equations: limbs are eliminated, and the contact forces are the unknowns that
+remain.
 
-A limb has as many joints as its foot has directions: three for a point foot, six for a flat one. So the accelerations
-of its joints follow from those of the root. For limb k, with J_k = [J_kr J_kl] (columns of the root and of the limb)
-and α_k the desired acceleration of its foot,
+A limb has as many joints as its foot has directions: three for a point foot, six for a flat one. So
+the accelerations of its joints follow from those of the root. For limb k, with J_k = [J_kr J_kl]
+(columns of the root and of the limb) and α_k the desired acceleration of its foot,
 
     a_k = ā_k + T_k a_r + J_kl⁺ δ_k,    ā_k = J_kl⁺ (α_k − J̇v_k),    T_k = −J_kl⁺ J_kr
 
-where δ_k is the free acceleration of a swing foot; that of a stance foot is zero. J_kl⁺ is the inverse for a point
-foot. For a flat foot J_k has three rows for each corner and J_kl⁺ is the pseudo-inverse: the corners of one rigid body
-cannot follow every set of accelerations, and the body gets the nearest motion. Joints that are on no limb (arms, torso,
-head) have the acceleration of the posture task and a free one: a_j = ā_j + ε_j.
+where δ_k is the free acceleration of a swing foot; that of a stance foot is zero. J_kl⁺ is the
+inverse for a point foot. For a flat foot J_k has three rows for each corner and J_kl⁺ is the
+pseudo-inverse: the corners of one rigid body cannot follow every set of accelerations, and the body
+gets the nearest motion. Joints that are on no limb (arms, torso, head) have the acceleration of the
+posture task and a free one: a_j = ā_j + ε_j.
 
 No torque acts on the root, so its six rows of M a + n = S τ + Σ J_kᵀ f_k + J_tᵀ u become
 
     M_b a_r + n_b = G_f f + G_o o,    o = [u; ε; δ]
 
-with M_b = M_rr + Σ M_rk T_k, n_b = n_r + Σ M_rk ā_k + Σ M_rj ā_j, G_f = [J_krᵀ], and G_o of the thrusters' J_trᵀ,
-−M_rj and −M_rk J_kl⁺. For given f, the minimum of ‖a_r − a_d‖²_W + ‖o‖²_D under this equation is
+with M_b = M_rr + Σ M_rk T_k, n_b = n_r + Σ M_rk ā_k + Σ M_rj ā_j, G_f = [J_krᵀ], and G_o of the
+thrusters' J_trᵀ, −M_rj and −M_rk J_kl⁺. For given f, the minimum of ‖a_r − a_d‖²_W + ‖o‖²_D under
+this equation is
 
     λ = K⁻¹ (w − G_f f),    o = D⁻¹ G_oᵀ λ,    a_r = a_d − W⁻¹ M_bᵀ λ
     w = M_b a_d + n_b,      K = M_b W⁻¹ M_bᵀ + G_o D⁻¹ G_oᵀ
 
-and costs (w − G_f f)ᵀ K⁻¹ (w − G_f f). The torques are the joints' rows. With them the contact forces of the rigid
-robot are f, whichever f was chosen. Corner forces with the same net wrench are equivalent for a rigid robot.
+and costs (w − G_f f)ᵀ K⁻¹ (w − G_f f). The torques are the joints' rows. With them the contact
+forces of the rigid robot are f, whichever f was chosen. Corner forces with the same net wrench are
+equivalent for a rigid robot.
 
-**Centre of mass.** With the limbs eliminated its acceleration c̈ is affine in that of the root and in o,
+**Centre of mass.** With the limbs eliminated its acceleration c̈ is affine in that of the root and
+in o,
 
     z = C a_r + C_o o + c,    z = [c̈_x, c̈_y, z̈ of the body's origin, angular acceleration]
 
-and so is a_r in z. Where a gait demands c̈, the equations above are in z, with M_b C⁻¹, n_b − M_b C⁻¹ c and
-G_o + M_b C⁻¹ C_o; the weights W are then on z − z_d, and all that follows stays as it is.
+and so is a_r in z. Where a gait demands c̈, the equations above are in z, with M_b C⁻¹, n_b − M_b
+C⁻¹ c and G_o + M_b C⁻¹ C_o; the weights W are then on z − z_d, and all that follows stays as it is.
 
 This file eliminates the limbs, and recovers motion and torques from given forces, which
 :mod:`~harpy_pin.wbc.condensed.force_program` chooses.
@@ -48,19 +53,23 @@ from harpy_pin.model.state import Vector
 from harpy_pin.wbc.condensed.force_program import ProblemRecord, TargetsRecord
 
 MIN_DETERMINANT = 1e-6
-"""Least determinant of a limb's J_kl, m³; below it (a straight leg) the inverse is damped and the foot not held."""
+"""Least determinant of a limb's J_kl, m³; below it (a straight leg) the inverse is damped and the
+foot not held.
+"""
 MIN_PIVOT = 1e-8
 """Least pivot of J_klᵀ J_kl of a flat foot, m²."""
 MIN_CENTRE_DETERMINANT = 1e-2
-"""Least determinant of the part of C that maps the linear acceleration; below it the task is the body's origin's."""
+"""Least determinant of the part of C that maps the linear acceleration; below it the task is the
+body's origin's.
+"""
 
 
 class CondensationRecord(RecordOf):
     """The equations of a robot with a limb of its own for each foot.
 
-    In the shapes a limb has j joints and its foot r = 3 rows for each corner: 3 and 3 for points, 6 and 12 for
-    rectangles; ``thrusts`` is the number of thrust variables (:mod:`harpy_pin.model.rotor`), ``others`` that of the
-    joints on no limb.
+    In the shapes a limb has j joints and its foot r = 3 rows for each corner: 3 and 3 for points, 6
+    and 12 for rectangles; ``thrusts`` is the number of thrust variables
+    (:mod:`harpy_pin.model.rotor`), ``others`` that of the joints on no limb.
     """
 
     limb: NDArray[np.int64]  # (limbs, j) columns of each limb's joints
@@ -75,7 +84,9 @@ class CondensationRecord(RecordOf):
     force_map: Vector = sized(6, "3 feet")  # G_f; zero columns for swing feet
     free_map: Vector = sized(6, "thrusts + others + 3 feet")  # G_o; zero columns for stance feet
     free_acceleration: Vector = sized("thrusts + others + 3 feet")  # o
-    inverse_weight: Vector = sized("thrusts + others + 3 feet")  # 1/D; zero for an entry of o that is fixed
+    inverse_weight: Vector = sized(
+        "thrusts + others + 3 feet"
+    )  # 1/D; zero for an entry of o that is fixed
     inverse_body_weight: Vector = sized(6)  # 1/W
     desired: Vector = sized(6)  # a_d
     right_hand_side: Vector = sized(6)  # w, less the part of what is fixed in o
@@ -93,7 +104,9 @@ class CondensationRecord(RecordOf):
 
 
 @kernel
-def eliminate_limbs(d: DynamicsRecord, t: TargetsRecord, p: ProblemRecord, e: CondensationRecord, v: Vector) -> None:
+def eliminate_limbs(
+    d: DynamicsRecord, t: TargetsRecord, p: ProblemRecord, e: CondensationRecord, v: Vector
+) -> None:
     """Fill in the root's equations, after its desired acceleration."""
     thrusts, others = d.thruster_jacobian.shape[0], e.others.shape[0]
     first = thrusts + others
@@ -134,9 +147,16 @@ def _limb_motion(d: DynamicsRecord, t: TargetsRecord, e: CondensationRecord, k: 
 
 @kernel
 def _add_limb(
-    d: DynamicsRecord, t: TargetsRecord, p: ProblemRecord, e: CondensationRecord, k: int, free_from: int
+    d: DynamicsRecord,
+    t: TargetsRecord,
+    p: ProblemRecord,
+    e: CondensationRecord,
+    k: int,
+    free_from: int,
 ) -> None:
-    """What limb k adds to the root's equations: to M_b and n_b, and its columns of G_f and G_o with their weights."""
+    """What limb k adds to the root's equations: to M_b and n_b, and its columns of G_f and G_o with
+    their weights.
+    """
     rows = e.inverse.shape[2]
     first = rows * k
     free = free_from + first
@@ -164,7 +184,9 @@ def _invert_limb(jacobian: Vector, out: Vector) -> None:
 
 
 @kernel
-def _invert_flat_limb(jacobian: Vector, limb: NDArray[np.int64], normal: Vector, out: Vector) -> None:
+def _invert_flat_limb(
+    jacobian: Vector, limb: NDArray[np.int64], normal: Vector, out: Vector
+) -> None:
     """J_kl⁺ = (J_klᵀ J_kl)⁻¹ J_klᵀ; bounded where the limb is singular."""
     out[:] = jacobian[:, limb].T
     for a in range(out.shape[0]):
@@ -187,7 +209,9 @@ def root_factor(e: CondensationRecord) -> None:
 
 @kernel
 def recover(e: CondensationRecord, f: Vector) -> None:
-    """λ, o and a for contact forces f; entries of o that are fixed stay as they are, part of the right-hand side."""
+    """λ, o and a for contact forces f; entries of o that are fixed stay as they are, part of the
+    right-hand side.
+    """
     a, o, first = e.acceleration, e.free_acceleration, e.inverse_weight.shape[0] - f.shape[0]
     e.multiplier[:] = e.right_hand_side - e.force_map @ f
     solve_vector(e.factor, e.multiplier)
@@ -204,7 +228,9 @@ def recover(e: CondensationRecord, f: Vector) -> None:
 
 
 @kernel
-def joint_torques(d: DynamicsRecord, e: CondensationRecord, v: Vector, f: Vector, torque: Vector) -> None:
+def joint_torques(
+    d: DynamicsRecord, e: CondensationRecord, v: Vector, f: Vector, torque: Vector
+) -> None:
     """Torques of the joints for contact forces f and what :func:`recover` computed for them."""
     thrust = e.free_acceleration[: d.thruster_jacobian.shape[0]]
     torque[:] = d.bias[6:] + d.damping[6:] * v[6:] + d.mass_matrix[6:] @ e.acceleration
@@ -253,8 +279,12 @@ def _invert(e: CondensationRecord) -> bool:
 
 
 @kernel
-def root_of_centre(e: CondensationRecord, motion: Vector, free: Vector, n: int, bias: float) -> None:
-    """The root's acceleration from z, in the first six rows of ``motion`` (≥ 6, ≥ n); ``bias`` says how much of c."""
+def root_of_centre(
+    e: CondensationRecord, motion: Vector, free: Vector, n: int, bias: float
+) -> None:
+    """The root's acceleration from z, in the first six rows of ``motion`` (≥ 6, ≥ n); ``bias`` says
+    how much of c.
+    """
     for a in range(n):
         z = motion[:6, a] + 0.0
         z[:3] -= bias * e.centre_bias

@@ -36,7 +36,9 @@ class CondensedStatus(IntFlag):
     TORQUE_LIMITED = 2
     """A torque is at its limit."""
     SUBOPTIMAL = 4
-    """The search for the active set ended at its bound; the forces were moved into their pyramids."""
+    """The search for the active set ended at its bound; the forces were moved into their
+    pyramids.
+    """
     TORQUE_CLIPPED = 8
     """Torques were clipped: the forces that follow are not the ones intended."""
 
@@ -46,7 +48,8 @@ def condensed_record(
 ) -> Records[CondensedRecord]:
     """A new :class:`CondensedRecord`; arguments and errors as of :class:`CondensedSolver`.
 
-    For ``hold_ticks`` ticks in a row :func:`hold_last` gives the last inputs in the place of clipped ones.
+    For ``hold_ticks`` ticks in a row :func:`hold_last` gives the last inputs in the place of
+    clipped ones.
     """
     feet, sizes = len(robot.feet), condensed_sizes(robot)
     return make_record(
@@ -58,18 +61,26 @@ def condensed_record(
             limits.pyramid, feet, bounded=sizes["thrusts"] + sizes["others"], more=len(robot.joints)
         ),
         hold_ticks=np.int64(hold_ticks),
-        clipped=np.array([0, hold_ticks], dtype=np.int64),  # before the first command there is none to hold
+        clipped=np.array(
+            [0, hold_ticks], dtype=np.int64
+        ),  # before the first command there is none to hold
         **problem_values(robot, weights, limits),
     )
 
 
 def _search_record(pyramid: Vector, feet: int, *, bounded: int, more: int) -> Records[SearchRecord]:
-    """A program in the forces, after variables with bounds and before more rows, and what searches its optimum."""
+    """A program in the forces, after variables with bounds and before more rows, and what searches
+    its optimum.
+    """
     rows = len(pyramid) + 1
-    program = QuadraticProgram(bounded + 3 * feet, equalities=0, inequalities=rows * feet + more, bounded=bounded)
+    program = QuadraticProgram(
+        bounded + 3 * feet, equalities=0, inequalities=rows * feet + more, bounded=bounded
+    )
     enter_pyramids(program, pyramid, feet, force=bounded)
     search = WarmStartedActiveSet(program)
-    return make_record(SearchRecord, program=program._record_, exchange=search._record_, dual=search.dual._record_)
+    return make_record(
+        SearchRecord, program=program._record_, exchange=search._record_, dual=search.dual._record_
+    )
 
 
 def condensation_record(robot: Robot) -> Records[CondensationRecord]:
@@ -91,7 +102,9 @@ def condensation_record(robot: Robot) -> Records[CondensationRecord]:
 
 
 def condensed_sizes(robot: Robot) -> dict[str, int]:
-    """Numbers by which shapes of the condensed program are named: those of the robot, and of its joints on no limb."""
+    """Numbers by which shapes of the condensed program are named: those of the robot, and of its
+    joints on no limb.
+    """
     on_limbs = sum(_JOINTS.get(corners, 6) for corners in robot.corners)
     return {**robot.sizes, "others": len(robot.joints) - on_limbs}
 
@@ -101,7 +114,8 @@ def _limbs(robot: Robot) -> list[list[int]]:
     model = robot.model
     if len(set(robot.corners)) > 1:
         raise InputError(
-            f"the feet of '{robot.name}' have {robot.corners} contact points: all must be points, or flat feet alike",
+            f"the feet of '{robot.name}' have {robot.corners} contact points: all must be points, "
+            f"or flat feet alike",
             name="robot",
         )
     starts = np.cumsum((0, *robot.corners))[:-1]
@@ -113,8 +127,10 @@ def _limbs(robot: Robot) -> list[list[int]]:
         for joint in limb:
             if joint in used:
                 raise InputError(
-                    f"joint '{model.names[joint]}' of '{robot.name}' moves the feet '{used[joint]}' and '{foot}': "
-                    "limbs must not share joints, so every leg must begin at the base; controller 'wbc' has any legs",
+                    f"joint '{model.names[joint]}' of '{robot.name}' moves the feet "
+                    f"'{used[joint]}' and '{foot}': "
+                    "limbs must not share joints, so every leg must begin at the base; controller "
+                    "'wbc' has any legs",
                     name="robot",
                 )
             used[joint] = foot
@@ -124,7 +140,8 @@ def _limbs(robot: Robot) -> list[list[int]]:
             kind = "point foot" if corners == 1 else "flat foot"
             names = ", ".join(model.names[j] for j in limb) or "none"
             raise InputError(
-                f"the limb of a {kind} must have {desired} joints; that of '{foot}' of '{robot.name}' has "
+                f"the limb of a {kind} must have {desired} joints; that of '{foot}' of "
+                f"'{robot.name}' has "
                 f"{len(limb)}: {names}; controller 'wbc' has any legs",
                 name="robot",
             )
@@ -137,14 +154,16 @@ class CondensedSolver(KeepsViews):
 
     Args:
         robot: with a limb of its own for each foot.
-        weights: of the tasks, by default those that fit the robot; the posture's is not used: limbs have no free
-            posture.
+        weights: of the tasks, by default those that fit the robot; the posture's is not used: limbs
+            have no free posture.
         limits: of the constraints.
-        record: where everything is kept, a part of a larger record, made by :func:`condensed_record`.
+        record: where everything is kept, a part of a larger record, made by
+            :func:`condensed_record`.
 
     Attributes:
         force: (feet, 3) contact forces of the last tick, world axes, N; zero in swing.
-        inputs: (thrust variables + joints,) [u; τ] of the last tick, N and N·m; see :mod:`harpy_pin.model.rotor`.
+        inputs: (thrust variables + joints,) [u; τ] of the last tick, N and N·m; see
+            :mod:`harpy_pin.model.rotor`.
         acceleration: (nv,) generalised acceleration that follows.
         status: of the last tick.
         systems: linear systems solved in the last tick's search.
@@ -190,7 +209,9 @@ class CondensedSolver(KeepsViews):
         """Linear systems of the last tick's search."""
         return int(self._outcome[1])
 
-    def solve(self, dynamics: Dynamics, v: Vector, rotation: Vector, targets: WholeBodyTargets) -> Vector:
+    def solve(
+        self, dynamics: Dynamics, v: Vector, rotation: Vector, targets: WholeBodyTargets
+    ) -> Vector:
         """One tick.
 
         Args:

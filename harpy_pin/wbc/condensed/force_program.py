@@ -5,7 +5,8 @@ With the limbs eliminated (:mod:`harpy_pin.wbc.condensed.condense`) the whole-bo
     minimise    ½ fᵀ H f + gᵀ f,    H = G_fᵀ K⁻¹ G_f + w_f I,    g = −G_fᵀ K⁻¹ w
     subject to  every f_k in its friction pyramid and its range of normal force
 
-with three unknowns for each foot: the cost of given forces is what the root's six equations leave of the tasks.
+with three unknowns for each foot: the cost of given forces is what the root's six equations leave
+of the tasks.
 """
 
 from __future__ import annotations
@@ -42,29 +43,37 @@ class ProblemRecord(RecordOf):
     torque_limit: Vector  # (joints,) N·m
     input_lower: Vector  # (thrust variables + joints,) limits of [u; τ], N and N·m
     input_upper: Vector  # (thrust variables + joints,) limits of [u; τ], N and N·m
-    give_way: float  # share of ``w_swing`` that is left where a torque is at its limit; 1 where nothing gives way
-    # (faces, 3) rows p of the friction pyramid, p f ≥ 0; in a tick the last column is that of each foot
+    # share of ``w_swing`` that is left where a torque is at its limit; 1 where nothing gives way
+    give_way: float
+    # (faces, 3) rows p of the friction pyramid, p f ≥ 0; in a tick the last column is that of each
+    # foot
     pyramid: Vector
     mu: float  # friction coefficient of the ground
-    friction_share: float  # share of μ that is used; what is left is for errors of μ, of the model, and for impacts
+    # share of μ that is used; what is left is for errors of μ, of the model, and for impacts
+    friction_share: float
     inscribed: float  # share of the cone's slope that the faces of the pyramid have
     friction: Vector  # (feet,) coefficient of each foot in this tick, after the safety margin
 
 
 class TargetsRecord(RecordOf):
-    """The arrays of :class:`~harpy_pin.wbc.weights.WholeBodyTargets`, and what kernels need besides."""
+    """The arrays of :class:`~harpy_pin.wbc.weights.WholeBodyTargets`, and what kernels need
+    besides.
+    """
 
     body: Vector = sized(3)
     orientation: Vector = sized(3)
     feet: Vector = sized("feet", 3)
     joints: Vector = sized("joints")
-    joint_share: Vector = sized("joints", fill=1.0)  # by which the weight of each joint's task is multiplied
+    joint_share: Vector = sized(
+        "joints", fill=1.0
+    )  # by which the weight of each joint's task is multiplied
     held: Vector = sized("feet", fill=1.0)
     force_range: Vector
     friction: Vector = sized("feet", fill=np.inf)
     tilted: int = ZERO
     centred: int = ZERO
-    # horizontal acceleration of the centre of mass that velocities alone bring about, world axes, m/s²; used where
+    # horizontal acceleration of the centre of mass that velocities alone bring about, world axes,
+    # m/s²; used where
     # ``centred``
     centre_drift: Vector = sized(2)
     frame: Vector = sized("feet", 3, 3)
@@ -81,7 +90,8 @@ def note_centre_drift(d: DynamicsRecord, t: TargetsRecord) -> None:
 
 @kernel
 def root_acceleration(v: Vector, rotation: Vector, t: TargetsRecord, out: Vector) -> None:
-    """Acceleration of the root that the targets of body and orientation ask for, into the first six entries of ``out``.
+    """Acceleration of the root that the targets of body and orientation ask for, into the first six
+    entries of ``out``.
 
     Its first three entries are in body axes: the body's world acceleration is R (a_v + ω × v).
     """
@@ -93,7 +103,9 @@ def root_acceleration(v: Vector, rotation: Vector, t: TargetsRecord, out: Vector
 def force_objective(
     t: TargetsRecord, p: ProblemRecord, e: CondensationRecord, response: Vector, qp: ProgramRecord
 ) -> None:
-    """H and g; the identity for the force of a swing foot, which is zero; ``response`` becomes L⁻ᵀ G_f."""
+    """H and g; the identity for the force of a swing foot, which is zero; ``response`` becomes L⁻ᵀ
+    G_f.
+    """
     response[:] = e.force_map
     root_cost(e, response, qp)
     for a in range(response.shape[1]):
@@ -102,7 +114,9 @@ def force_objective(
 
 @kernel
 def root_cost(e: CondensationRecord, response: Vector, qp: ProgramRecord) -> None:
-    """H = Gᵀ K⁻¹ G and g = −Gᵀ K⁻¹ w, with K = Lᵀ L; ``response`` (6, n) is G, and becomes L⁻ᵀ G."""
+    """H = Gᵀ K⁻¹ G and g = −Gᵀ K⁻¹ w, with K = Lᵀ L; ``response`` (6, n) is G, and becomes L⁻ᵀ
+    G.
+    """
     n = response.shape[1]
     solve_transposed(e.factor, response, n)
     e.multiplier[:] = e.right_hand_side
@@ -115,13 +129,17 @@ def root_cost(e: CondensationRecord, response: Vector, qp: ProgramRecord) -> Non
 
 @kernel
 def friction_limits(t: TargetsRecord, p: ProblemRecord) -> None:
-    """Coefficient of each foot's cone in this tick, after the safety margin: into ``p.friction``."""
+    """Coefficient of each foot's cone in this tick, after the safety margin: into
+    ``p.friction``.
+    """
     p.friction[:] = p.friction_share * np.minimum(p.mu, t.friction)
 
 
 @kernel
 def friction_rows(t: TargetsRecord, p: ProblemRecord, qp: ProgramRecord, force: int) -> None:
-    """Fit the pyramids' rows on force variables from index ``force`` to this tick's friction: another factor of f_z."""
+    """Fit the pyramids' rows on force variables from index ``force`` to this tick's friction:
+    another factor of f_z.
+    """
     friction_limits(t, p)
     faces = p.pyramid.shape[0]
     for k in range(p.friction.shape[0]):
@@ -142,7 +160,9 @@ def force_bounds(t: TargetsRecord, faces: int, lower: Vector, upper: Vector) -> 
 
 @kernel
 def into_cones(t: TargetsRecord, p: CondensedRecord) -> None:
-    """Put every force into its range and cone: it changes only what is outside, and little after a good search."""
+    """Put every force into its range and cone: it changes only what is outside, and little after a
+    good search.
+    """
     for k in range(t.held.shape[0]):
         f = p.force[3 * k : 3 * k + 3]
         if t.held[k] == 0.0:

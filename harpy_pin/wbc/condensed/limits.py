@@ -1,25 +1,29 @@
 """The condensed controller's program where thrusts or torques are at their limits.
 
-Without such limits, thrusts and the free accelerations of swing feet follow from the contact forces. With them they are
-unknowns: y = [u; ε; y_1, y_2, …], in which ε are the free accelerations of the joints on no limb, and y_k is the
-contact force of a stance foot and the free acceleration δ_k of a swing foot:
+Without such limits, thrusts and the free accelerations of swing feet follow from the contact
+forces. With them they are unknowns: y = [u; ε; y_1, y_2, …], in which ε are the free accelerations
+of the joints on no limb, and y_k is the contact force of a stance foot and the free acceleration
+δ_k of a swing foot:
 
     minimise    ½ ‖L⁻ᵀ (w − G y)‖² + ½ w_u ‖u‖² + ½ w_ε ‖ε‖² + ½ Σ w_f ‖f_k‖² + ½ Σ w_δ ‖δ_k‖²
     subject to  pyramids and ranges of the f_k,  u_min ≤ u ≤ u_max,  |τ(y)| ≤ τ_max
 
 with K = M_b W⁻¹ M_bᵀ = Lᵀ L, and τ affine in y.
 
-**What gives way.** A motor that cannot follow a swing foot would otherwise make the body pay: the swing task's weight
-is several times that of the body, and its error grows with the square of what is missing. So where the optimum without
-limits of thrusts and torques needs torques τ° beyond theirs, the program that is solved with all limits has
+**What gives way.** A motor that cannot follow a swing foot would otherwise make the body pay: the
+swing task's weight is several times that of the body, and its error grows with the square of what
+is missing. So where the optimum without limits of thrusts and torques needs torques τ° beyond
+theirs, the program that is solved with all limits has
 
-- for a swing foot, only the share σ of its weight. σ falls from one to ``give_way`` while the largest |τ°| / τ_max of
-  the joints that move the foot grows from 1 to 1 + ``SPAN``, so that nothing jumps.
-- for a stance foot, ρ f_min in place of f_min, ρ = min τ_max / max(|τ°|, τ_max) over the joints that move the foot: a
-  leg whose motors would need twice their limits has to bear half of the least force.
+- for a swing foot, only the share σ of its weight. σ falls from one to ``give_way`` while the
+  largest |τ°| / τ_max of the joints that move the foot grows from 1 to 1 + ``SPAN``, so that
+  nothing jumps.
+- for a stance foot, ρ f_min in place of f_min, ρ = min τ_max / max(|τ°|, τ_max) over the joints
+  that move the foot: a leg whose motors would need twice their limits has to bear half of the least
+  force.
 
-No torque at its limit: the program, and every digit of its solution, are those without all this. The formulations of
-the whole-body QP give way alike.
+No torque at its limit: the program, and every digit of its solution, are those without all this.
+The formulations of the whole-body QP give way alike.
 """
 
 from __future__ import annotations
@@ -34,8 +38,19 @@ from harpy_pin.model.cholesky import solve_factor
 from harpy_pin.model.dynamics import DynamicsRecord, EquationsRecord
 from harpy_pin.model.state import Vector
 from harpy_pin.wbc.condensed.active_set import ProgramRecord
-from harpy_pin.wbc.condensed.condense import CondensationRecord, joint_torques, recover, root_factor, root_of_centre
-from harpy_pin.wbc.condensed.force_program import ProblemRecord, TargetsRecord, force_bounds, root_cost
+from harpy_pin.wbc.condensed.condense import (
+    CondensationRecord,
+    joint_torques,
+    recover,
+    root_factor,
+    root_of_centre,
+)
+from harpy_pin.wbc.condensed.force_program import (
+    ProblemRecord,
+    TargetsRecord,
+    force_bounds,
+    root_cost,
+)
 
 if TYPE_CHECKING:
     from harpy_pin.wbc.condensed.solve import CondensedRecord
@@ -43,13 +58,20 @@ if TYPE_CHECKING:
 SPAN = 0.1
 """Excess of a torque over its limit, as a share of it, over which swing feet give way."""
 NEAR = ByPrecision(1e-6, single=1e-3)
-"""Distance of a thrust or torque from its limit, N and N·m, at which the optimum without limits is looked at."""
+"""Distance of a thrust or torque from its limit, N and N·m, at which the optimum without limits is
+looked at.
+"""
 
 
 @kernel
 def limited_program(d: DynamicsRecord, t: TargetsRecord, p: CondensedRecord, v: Vector) -> None:
     """Fill in the program, with the shares of each foot; all of o is fixed at zero from then on."""
-    e, qp, thrusts, faces = p.root, p.limited.program, d.thruster_jacobian.shape[0], p.pyramid.shape[0]
+    e, qp, thrusts, faces = (
+        p.root,
+        p.limited.program,
+        d.thruster_jacobian.shape[0],
+        p.pyramid.shape[0],
+    )
     first = thrusts + e.others.shape[0]
     stiff = p.w_swing == 0.0  # swing feet have no free acceleration
     e.inverse_weight[:] = 0.0
@@ -92,8 +114,12 @@ def _add_weights(
 
 
 @kernel
-def _fit_rows_to_support(t: TargetsRecord, p: CondensedRecord, qp: ProgramRecord, before: int) -> None:
-    """Pyramids bound forces: their rows are zero for swing feet, whose unknowns are accelerations."""
+def _fit_rows_to_support(
+    t: TargetsRecord, p: CondensedRecord, qp: ProgramRecord, before: int
+) -> None:
+    """Pyramids bound forces: their rows are zero for swing feet, whose unknowns are
+    accelerations.
+    """
     faces = p.pyramid.shape[0]
     for k in range(t.held.shape[0]):
         held, up = t.held[k] != 0.0, p.friction[k] * p.inscribed
@@ -116,11 +142,12 @@ def input_map(
 ) -> None:
     """Thrusts and torques as an affine function of the contact forces: [u; τ] = at_rest + gain f.
 
-    With all of o fixed at zero, they are a function of y = [u; …], which holds the force of a stance foot and the free
-    acceleration of a swing foot: [u; τ] = at_rest + gain y. Between them are the free accelerations ε.
+    With all of o fixed at zero, they are a function of y = [u; …], which holds the force of a
+    stance foot and the free acceleration of a swing foot: [u; τ] = at_rest + gain y. Between them
+    are the free accelerations ε.
 
-    ``response`` (6, n) is L⁻ᵀ G of these variables and becomes K⁻¹ G; ``gain`` (thrusts + joints, n) and ``at_rest``
-    (thrusts + joints,) are written; ``fixed`` says whether all of o is.
+    ``response`` (6, n) is L⁻ᵀ G of these variables and becomes K⁻¹ G; ``gain`` (thrusts + joints,
+    n) and ``at_rest`` (thrusts + joints,) are written; ``fixed`` says whether all of o is.
     """
     n, thrusts = response.shape[1], d.thruster_jacobian.shape[0]
     first = thrusts + e.others.shape[0]
@@ -135,7 +162,9 @@ def input_map(
 
 
 @kernel
-def _free_per_unit(t: TargetsRecord, e: CondensationRecord, response: Vector, first: int, fixed: bool) -> None:
+def _free_per_unit(
+    t: TargetsRecord, e: CondensationRecord, response: Vector, first: int, fixed: bool
+) -> None:
     """Entries of o per unit of each variable, into ``free_per_unit``."""
     free, n = e.free_per_unit, response.shape[1]
     for c in range(e.inverse_weight.shape[0]):
@@ -147,7 +176,9 @@ def _free_per_unit(t: TargetsRecord, e: CondensationRecord, response: Vector, fi
 
 
 @kernel
-def _motion_per_unit(t: TargetsRecord, e: CondensationRecord, response: Vector, thrusts: int) -> None:
+def _motion_per_unit(
+    t: TargetsRecord, e: CondensationRecord, response: Vector, thrusts: int
+) -> None:
     """Generalised accelerations per unit of each variable, into ``motion_per_unit``."""
     free, motion, n = e.free_per_unit, e.motion_per_unit, response.shape[1]
     for j in range(6):
@@ -169,7 +200,9 @@ def _motion_per_unit(t: TargetsRecord, e: CondensationRecord, response: Vector, 
 
 
 @kernel
-def _input_per_unit(d: DynamicsRecord, t: TargetsRecord, e: CondensationRecord, gain: Vector, first: int) -> None:
+def _input_per_unit(
+    d: DynamicsRecord, t: TargetsRecord, e: CondensationRecord, gain: Vector, first: int
+) -> None:
     """Thrusts and torques per unit of each variable; the columns of the feet begin at ``first``."""
     free, motion, n = e.free_per_unit, e.motion_per_unit, gain.shape[1]
     nv, thrusts = d.bias.shape[0], d.thruster_jacobian.shape[0]
@@ -211,8 +244,12 @@ def outside(values: Vector, lower: Vector, upper: Vector) -> bool:
 
 
 @kernel
-def share_of_swing(d: EquationsRecord, torque: Vector, limit: Vector, give_way: float, k: int) -> float:
-    """σ of a contact point, with ``give_way`` the least share; the others as of :func:`share_of_least_force`."""
+def share_of_swing(
+    d: EquationsRecord, torque: Vector, limit: Vector, give_way: float, k: int
+) -> float:
+    """σ of a contact point, with ``give_way`` the least share; the others as of
+    :func:`share_of_least_force`.
+    """
     excess = 1.0 / share_of_least_force(d, torque, limit, k) - 1.0
     return 1.0 - (1.0 - give_way) * min(excess / SPAN, 1.0)
 

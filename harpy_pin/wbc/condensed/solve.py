@@ -1,18 +1,21 @@
-"""The whole-body optimum as a program in the contact forces alone, solved in a bounded number of operations.
+"""The whole-body optimum as a program in the contact forces alone, solved in a bounded number of
+operations.
 
-A tick eliminates the limbs (:mod:`harpy_pin.wbc.condensed.condense`), fills in the program in the contact forces
-(:mod:`harpy_pin.wbc.condensed.force_program`), finds its optimum, and recovers thrusts and torques.
-The last tick's active set is tried, then exchanged; then follows the dual active-set method. At the end every force is
-put into its pyramid.
+A tick eliminates the limbs (:mod:`harpy_pin.wbc.condensed.condense`), fills in the program in the
+contact forces (:mod:`harpy_pin.wbc.condensed.force_program`), finds its optimum, and recovers
+thrusts and torques. The last tick's active set is tried, then exchanged; then follows the dual
+active-set method. At the end every force is put into its pyramid.
 
-Where thrusts or torques of that optimum exceed their limits, which is rare, the program is solved again with thrusts
-and free accelerations as unknowns (:mod:`harpy_pin.wbc.condensed.limits`), so that the result is the whole-body optimum
-in this case, too. What gives way there is said in that file.
+Where thrusts or torques of that optimum exceed their limits, which is rare, the program is solved
+again with thrusts and free accelerations as unknowns (:mod:`harpy_pin.wbc.condensed.limits`), so
+that the result is the whole-body optimum in this case, too. What gives way there is said in that
+file.
 
-For the rigid robot with regular limbs, at every state and for every target: with the torques and thrusts returned, the
-force on each stance foot is f, and f is in its pyramid and range. There are two exceptions: within limits a leg bears
-less than the least normal force where its motors cannot bear that, and torques are clipped, as the status says, where
-the search found no force in the pyramids that the motors can reach.
+For the rigid robot with regular limbs, at every state and for every target: with the torques and
+thrusts returned, the force on each stance foot is f, and f is in its pyramid and range. There are
+two exceptions: within limits a leg bears less than the least normal force where its motors cannot
+bear that, and torques are clipped, as the status says, where the search found no force in the
+pyramids that the motors can reach.
 """
 
 from __future__ import annotations
@@ -25,7 +28,13 @@ from harpy_pin.model.dynamics import DynamicsRecord
 from harpy_pin.model.record import sized
 from harpy_pin.model.state import Vector
 from harpy_pin.wbc.condensed.active_set import EXCHANGES, SearchRecord, dual_active_set, exchange
-from harpy_pin.wbc.condensed.condense import CondensationRecord, eliminate_limbs, joint_torques, recover, root_factor
+from harpy_pin.wbc.condensed.condense import (
+    CondensationRecord,
+    eliminate_limbs,
+    joint_torques,
+    recover,
+    root_factor,
+)
 from harpy_pin.wbc.condensed.force_program import (
     ProblemRecord,
     TargetsRecord,
@@ -35,7 +44,12 @@ from harpy_pin.wbc.condensed.force_program import (
     into_cones,
     root_acceleration,
 )
-from harpy_pin.wbc.condensed.limits import limited_program, outside, share_of_least_force, share_of_swing
+from harpy_pin.wbc.condensed.limits import (
+    limited_program,
+    outside,
+    share_of_least_force,
+    share_of_swing,
+)
 
 AT_LIMIT = ByPrecision(1e-9, single=1e-6)
 """Distance below its limit, as a share of it, at which a torque counts as limited."""
@@ -50,26 +64,44 @@ class CondensedRecord(ProblemRecord):
 
     root: CondensationRecord  # the robot as six equations
     free: SearchRecord  # program on the forces alone
-    limited: SearchRecord  # program on thrusts, free accelerations and forces, with rows for the torques
-    least_share: Vector = sized("feet", fill=1.0)  # share of its least normal force that each foot has to bear
-    swing_share: Vector = sized("feet", fill=1.0)  # share of its weight that each swing foot has at the motors' limits
+    limited: (
+        SearchRecord  # program on thrusts, free accelerations and forces, with rows for the torques
+    )
+    least_share: Vector = sized(
+        "feet", fill=1.0
+    )  # share of its least normal force that each foot has to bear
+    swing_share: Vector = sized(
+        "feet", fill=1.0
+    )  # share of its weight that each swing foot has at the motors' limits
     force: Vector = sized("3 feet")  # contact forces, world axes, N; zero in swing
     inputs: Vector = sized("thrusts + joints")  # [u; τ] of the last tick, N and N·m
     last_inputs: Vector = sized("thrusts + joints")  # those of the tick before
     response: Vector = sized(6, "3 feet")  # acceleration of the root per force
-    unknowns: Vector = sized("thrusts + others + 3 feet")  # of the program with limits, N and rad/s²
-    wide_response: Vector = sized(6, "thrusts + others + 3 feet")  # acceleration of the root per unknown
+    unknowns: Vector = sized(
+        "thrusts + others + 3 feet"
+    )  # of the program with limits, N and rad/s²
+    wide_response: Vector = sized(
+        6, "thrusts + others + 3 feet"
+    )  # acceleration of the root per unknown
     gain: Vector = sized("thrusts + joints", "thrusts + others + 3 feet")  # [u; τ] per unknown
     at_rest: Vector = sized("thrusts + joints")  # [u; τ] where the unknowns are zero
     # status of the last tick, and systems that were solved in it
     status_and_systems: NDArray[np.int64] = sized(2, whole=True)
-    hold_ticks: int  # ticks in a row for which the last inputs are held in the place of clipped ones
-    clipped: NDArray[np.int64] = sized(2, whole=True)  # ticks with clipped torques: all, and in a row
+    hold_ticks: (
+        int  # ticks in a row for which the last inputs are held in the place of clipped ones
+    )
+    clipped: NDArray[np.int64] = sized(
+        2, whole=True
+    )  # ticks with clipped torques: all, and in a row
 
 
 @kernel
-def solve_condensed(d: DynamicsRecord, t: TargetsRecord, p: CondensedRecord, v: Vector, rotation: Vector) -> None:
-    """One tick, on elements of the records; see :class:`~harpy_pin.wbc.condensed.CondensedSolver`."""
+def solve_condensed(
+    d: DynamicsRecord, t: TargetsRecord, p: CondensedRecord, v: Vector, rotation: Vector
+) -> None:
+    """One tick, on elements of the records; see
+    :class:`~harpy_pin.wbc.condensed.CondensedSolver`.
+    """
     e, qp = p.root, p.free.program
     p.status_and_systems[:] = 0
     p.last_inputs[:] = p.inputs
@@ -100,7 +132,9 @@ def solve_condensed(d: DynamicsRecord, t: TargetsRecord, p: CondensedRecord, v: 
 
 @kernel
 def search_active_set(p: CondensedRecord, search: SearchRecord, z: Vector) -> None:
-    """The optimum, by the last active set, its exchange, or the dual method; the status says whether one was found."""
+    """The optimum, by the last active set, its exchange, or the dual method; the status says
+    whether one was found.
+    """
     w, dual = search.exchange, search.dual
     systems, _ = exchange(search.program, w, z, EXCHANGES)
     p.status_and_systems[1] += systems
@@ -121,8 +155,12 @@ def search_active_set(p: CondensedRecord, search: SearchRecord, z: Vector) -> No
 
 
 @kernel
-def _within_limits(d: DynamicsRecord, t: TargetsRecord, p: CondensedRecord, v: Vector, beyond: bool) -> None:
-    """The optimum with bounds on the thrusts and rows of the torques, which may be beyond their limits without them."""
+def _within_limits(
+    d: DynamicsRecord, t: TargetsRecord, p: CondensedRecord, v: Vector, beyond: bool
+) -> None:
+    """The optimum with bounds on the thrusts and rows of the torques, which may be beyond their
+    limits without them.
+    """
     e, qp, y, thrusts = p.root, p.limited.program, p.unknowns, d.thruster_jacobian.shape[0]
     first, torque = thrusts + e.others.shape[0], p.inputs[thrusts:]
     p.swing_share[:] = 1.0
@@ -150,7 +188,9 @@ def _within_limits(d: DynamicsRecord, t: TargetsRecord, p: CondensedRecord, v: V
 
 @kernel
 def _clip_torques(p: CondensedRecord, torque: Vector) -> None:
-    """Clip the torques; says in the status which limits are reached, and whether more than rounding was clipped."""
+    """Clip the torques; says in the status which limits are reached, and whether more than rounding
+    was clipped.
+    """
     for j in range(torque.shape[0]):
         limit = p.torque_limit[j]
         if not abs(torque[j]) <= limit * (1.0 - AT_LIMIT):

@@ -15,7 +15,7 @@ References are accelerations only: they are the arrays of :class:`~harpy_pin.wbc
 controller computes from its gait and gains in every tick (:mod:`harpy_pin.controllers.tasks`). Rows and costs of these
 tasks are compiled (:mod:`harpy_pin.wbc.full`, :mod:`harpy_pin.wbc.input_space`, :mod:`harpy_pin.wbc.condensed`);
 ``tests/wbc/test_built_in_tasks.py`` compares those costs with the tasks of this table.
-"""
+"""  # noqa: E501
 
 from __future__ import annotations
 
@@ -39,7 +39,8 @@ class BuiltInTask:
         weight: name of its weight in :class:`~harpy_pin.wbc.weights.WholeBodyWeights`.
         task: its rows.
         foot: index of the foot that it is for; None for a task that is always in the objective.
-        stance: whether it is in the objective while that foot is in stance, or while it is in swing.
+        stance: whether it is in the objective while that foot is in stance, or while it is in
+            swing.
         share: (1,) number by which its weight is multiplied.
     """
 
@@ -73,7 +74,10 @@ def built_in_tasks(robot: Robot, targets: WholeBodyTargets) -> list[BuiltInTask]
         BuiltInTask("orientation", _towards(orientation, targets.orientation)),
     ]
     for j, (joint, weight) in enumerate(zip(robot.joints, joint_weights(robot), strict=True)):
-        task, share = _towards(JointTask(joint), targets.joints[j : j + 1]), targets.joint_share[j : j + 1]
+        task, share = (
+            _towards(JointTask(joint), targets.joints[j : j + 1]),
+            targets.joint_share[j : j + 1],
+        )
         tasks.append(BuiltInTask(weight, task, share=share))
     for k, foot in enumerate(robot.feet):
         tasks.append(BuiltInTask("swing", _towards(FrameTask(foot), targets.feet[k]), k))
@@ -82,12 +86,15 @@ def built_in_tasks(robot: Robot, targets: WholeBodyTargets) -> list[BuiltInTask]
 
 
 def joint_weights(robot: Robot) -> list[str]:
-    """Name of the weight of each joint's acceleration: ``posture`` where it moves one foot, else ``arms``.
+    """Name of the weight of each joint's acceleration: ``posture`` where it moves one foot, else
+    ``arms``.
 
-    A waist between the base and several feet holds no foot where it should be: with the small weight of a leg nothing
-    would hold it against the hips.
+    A waist between the base and several feet holds no foot where it should be: with the small
+    weight of a leg nothing would hold it against the hips.
     """
-    return ["posture" if moved == 1 else "arms" for moved in feet_moved(robot.model, robot.feet)[2:]]
+    return [
+        "posture" if moved == 1 else "arms" for moved in feet_moved(robot.model, robot.feet)[2:]
+    ]
 
 
 def _towards(task: MotionTask, acceleration: Vector) -> MotionTask:

@@ -1,4 +1,5 @@
-"""Tasks: rows A x ≈ b in x = [a; f], accelerations and contact forces, of joints, frames, momentum and feet.
+"""Tasks: rows A x ≈ b in x = [a; f], accelerations and contact forces, of joints, frames, momentum
+and feet.
 
 Every task of a whole-body problem is of this kind: those that every problem has
 (:mod:`harpy_pin.wbc.tasks.built_in`) and those that users add (:mod:`harpy_pin.wbc.tasks.added`).
@@ -37,8 +38,9 @@ class Task(Protocol):
             state: as measured.
 
         Returns:
-            A and b, of shapes (m, nv) and (m,) where the task is on the generalised acceleration a alone, in the order
-            of the state's v; or (m, nv + 3 feet) and (m,) with the contact forces f behind it, world axes.
+            A and b, of shapes (m, nv) and (m,) where the task is on the generalised acceleration a
+            alone, in the order of the state's v; or (m, nv + 3 feet) and (m,) with the contact
+            forces f behind it, world axes.
         """
         ...
 
@@ -61,7 +63,11 @@ class MotionTask(ABC):
     """
 
     def __init__(
-        self, size: int, velocity: ArrayLike | None, acceleration: ArrayLike | None, gains: tuple[float, float]
+        self,
+        size: int,
+        velocity: ArrayLike | None,
+        acceleration: ArrayLike | None,
+        gains: tuple[float, float],
     ) -> None:
         self.velocity = reference("velocity", velocity, size)
         self.acceleration = reference("acceleration", acceleration, size)
@@ -90,14 +96,18 @@ class MotionTask(ABC):
 
 
 def reference(name: str, given: ArrayLike | None, size: int) -> Vector:
-    """A reference of a task, (size,); zero where none is given. For one component a number will do."""
+    """A reference of a task, (size,); zero where none is given. For one component a number will
+    do.
+    """
     if given is None:
         return np.zeros(size)
     one = size == 1 and isinstance(given, int | float | np.number)
     return checks.vector(name, np.array([given]) if one else given, size)
 
 
-def reference_position(given: ArrayLike | None, size: int, gains: tuple[float, float]) -> Vector | None:
+def reference_position(
+    given: ArrayLike | None, size: int, gains: tuple[float, float]
+) -> Vector | None:
     """The reference position, which a stiffness needs, and which needs a stiffness.
 
     Raises:
@@ -119,7 +129,9 @@ def check_stiffness(name: str, gains: tuple[float, float]) -> None:
         InputError: k_p is zero.
     """
     if gains[0] == 0.0:
-        raise InputError(f"a {name} needs a gain k_p, such as gains=(100, 20)", name="gains", value=gains)
+        raise InputError(
+            f"a {name} needs a gain k_p, such as gains=(100, 20)", name="gains", value=gains
+        )
 
 
 @fixed_arrays("acceleration", "position", "velocity")
@@ -127,7 +139,8 @@ class JointTask(MotionTask):
     """Accelerations of joints.
 
     Args:
-        joints: their names, or one name. The references below have their order; for one joint a number will do.
+        joints: their names, or one name. The references below have their order; for one joint a
+            number will do.
         position: (m,) angles to go to, rad.
         velocity: (m,) reference, rad/s; zero by default.
         acceleration: (m,) reference, rad/s²; zero by default.
@@ -137,8 +150,8 @@ class JointTask(MotionTask):
         position, velocity, acceleration, gains: as given; they may be overwritten between ticks.
 
     Raises:
-        InputError: a k_p without positions, or positions without a k_p; references of another length than ``joints``.
-            Unknown joints are refused when the task is added.
+        InputError: a k_p without positions, or positions without a k_p; references of another
+            length than ``joints``. Unknown joints are refused when the task is added.
     """
 
     def __init__(
@@ -163,7 +176,10 @@ class JointTask(MotionTask):
             names = dynamics.robot.joints
             for name in self.joints:
                 checks.one_of("joint", name, names)
-            self._robot, self._columns = dynamics.robot, [6 + names.index(name) for name in self.joints]
+            self._robot, self._columns = (
+                dynamics.robot,
+                [6 + names.index(name) for name in self.joints],
+            )
         columns = np.array(self._columns, dtype=np.int64)
         matrix = np.zeros((len(columns), len(state.v)))
         matrix[np.arange(len(columns)), columns] = 1.0
@@ -186,11 +202,12 @@ class FrameTask(MotionTask):
         gains: (k_p, k_d), 1/s² and 1/s.
 
     Attributes:
-        position, rotation, velocity, acceleration, gains: as given; they may be overwritten between ticks.
+        position, rotation, velocity, acceleration, gains: as given; they may be overwritten between
+            ticks.
 
     Raises:
-        InputError: an unknown part or axes; a k_p without the reference it needs; a position or a rotation without a
-            k_p. An unknown frame is refused when the task is added.
+        InputError: an unknown part or axes; a k_p without the reference it needs; a position or a
+            rotation without a k_p. An unknown frame is refused when the task is added.
     """
 
     def __init__(
@@ -330,18 +347,25 @@ class MomentumTask:
 
 
 def _centre(dynamics: Dynamics) -> Vector:
-    """(3,) centre of mass from the body's origin, body axes, m: the mass matrix has −m [c]× beside m I."""
+    """(3,) centre of mass from the body's origin, body axes, m: the mass matrix has −m [c]× beside
+    m I.
+    """
     m = dynamics.mass_matrix
     return np.array((-m[2, 4], -m[0, 5], -m[1, 3]), dtype=np.float64) / float(m[0, 0])
 
 
 def _momentum_rows(dynamics: Dynamics) -> tuple[Vector, Vector]:
-    """(6, nv) A and (6,) d with ḣ = A a + d and h = A v, h the linear and angular momentum, world axes.
+    """(6, nv) A and (6,) d with ḣ = A a + d and h = A v, h the linear and angular momentum, world
+    axes.
 
-    The floating base's six rows of M a + n are the wrench on the robot about the base's origin without gravity, in body
-    axes. About the centre of mass c its moment is less by c × force, and gravity has none.
+    The floating base's six rows of M a + n are the wrench on the robot about the base's origin
+    without gravity, in body axes. About the centre of mass c its moment is less by c × force, and
+    gravity has none.
     """
-    rotation, matrix = dynamics.rotation, np.column_stack((dynamics.mass_matrix[:6], dynamics.bias[:6]))
+    rotation, matrix = (
+        dynamics.rotation,
+        np.column_stack((dynamics.mass_matrix[:6], dynamics.bias[:6])),
+    )
     matrix[3:] -= pin.skew(_centre(dynamics)) @ matrix[:3]
     matrix = (rotation @ matrix.reshape(2, 3, -1)).reshape(6, -1)
     matrix[:3, -1] += dynamics.mass_matrix[0, 0] * dynamics.model.gravity.linear
@@ -360,7 +384,8 @@ class FootForceTask:
         force: as given; it may be overwritten between ticks.
 
     Raises:
-        InputError: a force that is not a vector of three numbers. An unknown foot is refused when the task is added.
+        InputError: a force that is not a vector of three numbers. An unknown foot is refused when
+            the task is added.
     """
 
     def __init__(self, foot: str, *, force: ArrayLike = (0.0, 0.0, 0.0)) -> None:

@@ -1,16 +1,17 @@
-"""Projection of a force onto its friction pyramid and range of normal force, in closed form, with its derivative.
+"""Projection of a force onto its friction pyramid and range of normal force, in closed form, with
+its derivative.
 
-The pyramid has n faces, f_t · u_i ≤ μ f_z. Mirrors at the middle of every face and at every edge map it onto itself, so
-the nearest point of the pyramid lies between the same two mirrors as the force: at one face, with outward direction u,
-and one edge. With coordinates a along u, t ≥ 0 across it and z upwards, the edge is the line (μ, κ μ, 1),
-κ = tan(π / n), and the nearest point is
+The pyramid has n faces, f_t · u_i ≤ μ f_z. Mirrors at the middle of every face and at every edge
+map it onto itself, so the nearest point of the pyramid lies between the same two mirrors as the
+force: at one face, with outward direction u, and one edge. With coordinates a along u, t ≥ 0 across
+it and z upwards, the edge is the line (μ, κ μ, 1), κ = tan(π / n), and the nearest point is
 
     inside      the force itself                                      a ≤ μ z
     on a face   z' = (z + μ a) / (1 + μ²), a' = μ z', t' = t          t ≤ κ a'
     on an edge  z' = (z + μ (a + κ t)) / (1 + μ² (1 + κ²))            else
 
-Squared distance as a function of z' alone is convex, so a range of z' clips it, and a' = min(a, μ z'),
-t' = min(t, κ μ z') is then the nearest point at that height.
+Squared distance as a function of z' alone is convex, so a range of z' clips it, and a' = min(a, μ
+z'), t' = min(t, κ μ z') is then the nearest point at that height.
 """
 
 from __future__ import annotations
@@ -23,7 +24,13 @@ from harpy_pin.model.state import Vector
 
 @kernel(g=(3,), faces=("n", 3), force=(3,), derivative=(3, 3))
 def project(
-    g: Vector, friction: float, lower: float, upper: float, faces: Vector, force: Vector, derivative: Vector
+    g: Vector,
+    friction: float,
+    lower: float,
+    upper: float,
+    faces: Vector,
+    force: Vector,
+    derivative: Vector,
 ) -> int:
     """The nearest force to g in a pyramid and range, and its derivative by g.
 

@@ -1,38 +1,41 @@
-"""Accelerations eliminated along the tree: what tasks and contacts ask for, as six equations of the root.
+"""Accelerations eliminated along the tree: what tasks and contacts ask for, as six equations of the
+root.
 
 The whole-body optimum. With generalised accelerations a, contact forces and thrusts f,
 
     minimise    ½ Σ_i ‖J_i a − b_i‖²_W_i + ½ ‖X y − h‖²_V + ½ ‖J_c a − c‖² / ρ + ½ ε ‖f‖²
     subject to  M_r a + n_r = G f = y,    every f_k in its cone
 
-where tasks are rows J_i of one path of the tree (frames, joints), contact rows J_c are held up to a compliance ρ, y is
-the wrench of all outer forces on the root, and tasks of momentum are functions of y alone (m c̈ = Σ f + m g). For given
-y, a is the least squares solution under six equations:
+where tasks are rows J_i of one path of the tree (frames, joints), contact rows J_c are held up to a
+compliance ρ, y is the wrench of all outer forces on the root, and tasks of momentum are functions
+of y alone (m c̈ = Σ f + m g). For given y, a is the least squares solution under six equations:
 
     H a + J_cᵀ μ + M_rᵀ λ = g,    J_c a − ρ μ = c,    M_r a = y − n_r
     H = Σ J_iᵀ W_i J_i,    g = Σ J_iᵀ W_i b_i
 
-With z = [λ; 1] the first two are a system in (a, μ) with seven right-hand sides [−M_rᵀ, g; 0, c] z. Once it is
-eliminated, ½ zᵀ Φ z is what is left of the Lagrangian, and its derivative by λ is
+With z = [λ; 1] the first two are a system in (a, μ) with seven right-hand sides [−M_rᵀ, g; 0, c] z.
+Once it is eliminated, ½ zᵀ Φ z is what is left of the Lagrangian, and its derivative by λ is
 
     y = w − K λ,    K = −Φ_λλ,    w = Φ_λ1 + n_r
 
 so the cost of y is ½ (w − y)ᵀ K⁻¹ (w − y), with K (6, 6) whatever robot, tasks and contacts are.
 :mod:`~harpy_pin.wbc.tree.newton` chooses y and f; :func:`back_substitute` gives a for its λ.
 
-**No fill-in.** A row on the path from the root to a joint adds to H entries between ancestors alone. So H has the zeros
-of the mass matrix, and H = Lᵀ D L, from the tips to the root, keeps them (Featherstone, Rigid Body Dynamics Algorithms,
-2008, section 6.5). Row k of H has the entries of the ancestors of joint k, packed by their depth: entry (k, e) is that
-of ``path[k, e]``. So what joint k adds to an ancestor's row is the beginning of its own. The seven right-hand sides
-stand in front of each row, since they are treated alike.
+**No fill-in.** A row on the path from the root to a joint adds to H entries between ancestors
+alone. So H has the zeros of the mass matrix, and H = Lᵀ D L, from the tips to the root, keeps them
+(Featherstone, Rigid Body Dynamics Algorithms, 2008, section 6.5). Row k of H has the entries of the
+ancestors of joint k, packed by their depth: entry (k, e) is that of ``path[k, e]``. So what joint k
+adds to an ancestor's row is the beginning of its own. The seven right-hand sides stand in front of
+each row, since they are treated alike.
 
-**Contact rows** of a limb, which is a branch of the tree at the root, are one block. It is eliminated at the first
-joint of the limb, after all its joints:
+**Contact rows** of a limb, which is a branch of the tree at the root, are one block. It is
+eliminated at the first joint of the limb, after all its joints:
 
     S = ρ 1 + Σ_j y_j y_jᵀ / d_j,    H += Eᵀ S⁻¹ E,    X += Eᵀ S⁻¹ Z,    Φ += Zᵀ S⁻¹ Z
 
-with y_j the entries of the rows when joint j was eliminated, E what is left of them at the root, and Z their right-hand
-sides. S is positive definite: straight knees, redundant corners and contradictory contacts need no case of their own.
+with y_j the entries of the rows when joint j was eliminated, E what is left of them at the root,
+and Z their right-hand sides. S is positive definite: straight knees, redundant corners and
+contradictory contacts need no case of their own.
 """
 
 from __future__ import annotations
@@ -55,14 +58,20 @@ class EliminationRecord(RecordOf):
     """The system in a and μ: as tasks and contacts write it, then eliminated in place."""
 
     depth: NDArray[np.int64]  # (nv,) of each degree of freedom
-    path: NDArray[np.int64]  # (nv, width) degrees of freedom from the root to each one, itself included
+    path: NDArray[
+        np.int64
+    ]  # (nv, width) degrees of freedom from the root to each one, itself included
     limb: NDArray[np.int64]  # (nv,) the limb with contacts that each joint is on; −1 for none
     first_row: NDArray[np.int64]  # (limbs + 1,) where the contact rows of each limb begin
-    row_end: NDArray[np.int64]  # (rows,) the last degree of freedom that each contact row depends on
+    row_end: NDArray[
+        np.int64
+    ]  # (rows,) the last degree of freedom that each contact row depends on
     compliance: float  # ρ
     matrix: Vector = sized("nv", "7 + width")  # [X, H] with X = [M_rᵀ, −g]; then [D⁻¹ L⁻ᵀ X, L]
     inverse_pivot: Vector = sized("nv")  # D⁻¹
-    rows: Vector = sized("rows", "7 + width")  # [0, −c, J_c], packed alike; then [L_S⁻ᵀ Z, L_S⁻ᵀ E, y_j]
+    rows: Vector = sized(
+        "rows", "7 + width"
+    )  # [0, −c, J_c], packed alike; then [L_S⁻ᵀ Z, L_S⁻ᵀ E, y_j]
     schur: Vector = sized("rows", "rows")  # factors of S = L_Sᵀ L_S, one below the other
     remainder: Vector = sized(7, 7)  # Φ
     multiplier: Vector = sized("rows")  # μ

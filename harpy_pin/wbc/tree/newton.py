@@ -1,23 +1,26 @@
 """The contact forces: one equation in six unknowns, whatever the number of forces.
 
-The optimum of :mod:`~harpy_pin.wbc.tree.elimination` minimises ½ (w − y)ᵀ K⁻¹ (w − y) + ½ ε ‖f‖² with y = G f and every
-f_k in its cone C_k. With λ = K⁻¹ (w − y), the first-order condition says that f_k minimises ½ ε ‖f_k‖² − λᵀ G_k f_k on
-C_k: it is the point of C_k nearest to G_kᵀ λ / ε. So the optimum is the root of
+The optimum of :mod:`~harpy_pin.wbc.tree.elimination` minimises ½ (w − y)ᵀ K⁻¹ (w − y) + ½ ε ‖f‖²
+with y = G f and every f_k in its cone C_k. With λ = K⁻¹ (w − y), the first-order condition says
+that f_k minimises ½ ε ‖f_k‖² − λᵀ G_k f_k on C_k: it is the point of C_k nearest to G_kᵀ λ / ε. So
+the optimum is the root of
 
     F(λ) = Σ_k G_k Π_k(G_kᵀ λ / ε) + K λ − w = 0,    f_k = Π_k(G_kᵀ λ / ε)
 
-Thrusts are forces with intervals as cones and a weight of their own. F is the gradient of a strictly convex function:
-K is positive definite, and Π_k is the gradient of a convex one (Moreau). So the root is unique, and Newton's method
-with a search along each step descends to it. F is linear as long as no force changes its piece of a cone's surface: a
-whole step without such a change ends at the root itself.
+Thrusts are forces with intervals as cones and a weight of their own. F is the gradient of a
+strictly convex function: K is positive definite, and Π_k is the gradient of a convex one (Moreau).
+So the root is unique, and Newton's method with a search along each step descends to it. F is linear
+as long as no force changes its piece of a cone's surface: a whole step without such a change ends
+at the root itself.
 
-**Tasks of momentum** add ½ ‖X y − h‖²_V, a function of y alone. By Woodbury's identity they change K and w:
+**Tasks of momentum** add ½ ‖X y − h‖²_V, a function of y alone. By Woodbury's identity they change
+K and w:
 
     K ← K − K Xᵀ S⁻¹ X K,    w ← w + K Xᵀ S⁻¹ (h − X w),    S = V⁻¹ + X K Xᵀ
 
-**Bounded.** Where ``STEPS`` do not suffice, the weight ε is raised and comes down again, with some steps for each
-weight. Forces are projections always, so what is at hand when the bound is reached is in its cones; the motion that
-belongs to it follows from λ = K⁻¹ (w − G f) all the same.
+**Bounded.** Where ``STEPS`` do not suffice, the weight ε is raised and comes down again, with some
+steps for each weight. Forces are projections always, so what is at hand when the bound is reached
+is in its cones; the motion that belongs to it follows from λ = K⁻¹ (w − G f) all the same.
 """
 
 from __future__ import annotations
@@ -35,7 +38,9 @@ from harpy_pin.wbc.tree.cones import project
 STEPS = 12
 """Steps at the true weight of the forces, before it is raised."""
 SOFTER, SOFT_STEPS, LAST_STEPS = 1e5, 8, 40
-"""Factor on ε to begin with, steps with each weight on the way down by tens, and at the true weight."""
+"""Factor on ε to begin with, steps with each weight on the way down by tens, and at the true
+weight.
+"""
 EXACT = 1e-12
 """Residual, relative to the terms of the equation, that is rounding."""
 SLOPE = 0.1
@@ -56,7 +61,9 @@ class NewtonRecord(RecordOf):
     momentum_map: Vector = sized(6, 6)  # X
     momentum_target: Vector = sized(6)  # h
     momentum_weight: Vector = sized(6)  # V
-    force_map: Vector = sized("3 feet", 6)  # Gᵀ of the contact forces, in the axes of their contacts
+    force_map: Vector = sized(
+        "3 feet", 6
+    )  # Gᵀ of the contact forces, in the axes of their contacts
     held: Vector = sized("feet", fill=1.0)  # 1 for a force that acts
     friction: Vector = sized("feet")  # of the faces
     force_range: Vector = sized("feet", 2)  # N
@@ -98,7 +105,9 @@ def find_forces(n: NewtonRecord) -> bool:
 
 @kernel
 def multiplier_of_forces(n: NewtonRecord, multiplier: Vector) -> None:
-    """λ = K⁻¹ (w − G f): with it the root's equations hold for the forces at hand, whichever they are."""
+    """λ = K⁻¹ (w − G f): with it the root's equations hold for the forces at hand, whichever they
+    are.
+    """
     multiplier[:] = n.demand - n.force_map.T @ n.force
     if n.thrust.shape[0] > 0:
         multiplier -= n.thrust_map.T @ n.thrust
@@ -136,7 +145,9 @@ def _largest(matrix: Vector) -> float:
 
 @kernel
 def _descend(n: NewtonRecord, softer: float, most: int) -> bool:
-    """Newton's steps from ``multiplier``, with the weight of the forces times ``softer``; whether the root is found."""
+    """Newton's steps from ``multiplier``, with the weight of the forces times ``softer``; whether
+    the root is found.
+    """
     _evaluate(n, softer)
     for _ in range(most):
         size = np.max(abs(n.target)) + np.max(abs(n.soft @ n.multiplier))
@@ -156,7 +167,9 @@ def _descend(n: NewtonRecord, softer: float, most: int) -> bool:
 
 @kernel
 def _evaluate(n: NewtonRecord, softer: float) -> int:
-    """Forces and residual at ``multiplier``; how many forces are on another piece of their cone than before."""
+    """Forces and residual at ``multiplier``; how many forces are on another piece of their cone
+    than before.
+    """
     changed = 0
     n.residual[:] = n.soft @ n.multiplier - n.target
     for k in range(n.held.shape[0]):
@@ -199,7 +212,9 @@ def _newton_step(n: NewtonRecord, softer: float) -> None:
 
 @kernel
 def _search_along(n: NewtonRecord, softer: float, slope: float) -> None:
-    """Go back to where the slope step · F, which grows along the step, is nearly zero (regula falsi, Illinois)."""
+    """Go back to where the slope step · F, which grows along the step, is nearly zero (regula
+    falsi, Illinois).
+    """
     low, high, below, above = 0.0, 1.0, slope, np.dot(n.step, n.residual)
     for cut in range(CUTS):
         share = low - below * (high - low) / (above - below) if cut < 7 else 0.5 * (low + high)

@@ -8,7 +8,14 @@ from harpy_pin.model.entry import GOOD, MISFIT, all_finite
 from harpy_pin.model.record import RecordOf, sized
 from harpy_pin.model.state import Vector
 from harpy_pin.model.terms import update_terms
-from harpy_pin.wbc.tree.elimination import ROOT, SIDES, EliminationRecord, back_substitute, eliminate, root_equations
+from harpy_pin.wbc.tree.elimination import (
+    ROOT,
+    SIDES,
+    EliminationRecord,
+    back_substitute,
+    eliminate,
+    root_equations,
+)
 from harpy_pin.wbc.tree.newton import NewtonRecord, find_forces, multiplier_of_forces
 from harpy_pin.wbc.tree.tasks import (
     ContactsRecord,
@@ -47,7 +54,9 @@ class WholeBodyRecord(RecordOf):
 
 @kernel(v="r.regularisation")
 def solve_whole_body(r: WholeBodyRecord, q: Vector, v: Vector) -> int:
-    """One optimum, of the state q (nq,), v (nv,): terms, tasks, elimination, forces, motion, torques."""
+    """One optimum, of the state q (nq,), v (nv,): terms, tasks, elimination, forces, motion,
+    torques.
+    """
     d, e, n = r.dynamics, r.system, r.newton
     verdict = update_terms(d, q, v)
     if verdict == MISFIT:

@@ -4,9 +4,10 @@ A task of a frame or of joints asks for accelerations J a ≈ b with
 
     b = acceleration + k_p (reference − measured) + k_d (velocity − measured) − J̇ v
 
-and adds Jᵀ W J to H and Jᵀ W b to g, on the path from the root to its body alone. The centre of mass and the angular
-momentum about it follow from the wrench y on the root, m c̈ = R y_f + m g and L̇ = R (y_m − c × y_f), so that their tasks
-are rows X of y. A contact asks for the acceleration that brings its foot to rest, of a point or of a whole sole.
+and adds Jᵀ W J to H and Jᵀ W b to g, on the path from the root to its body alone. The centre of
+mass and the angular momentum about it follow from the wrench y on the root, m c̈ = R y_f + m g and
+L̇ = R (y_m − c × y_f), so that their tasks are rows X of y. A contact asks for the acceleration
+that brings its foot to rest, of a point or of a whole sole.
 
 Motions are those of :mod:`harpy_pin.model.terms`: in the axes of the base and at its origin.
 """
@@ -85,12 +86,18 @@ class ContactsRecord(RecordOf):
     held: Vector = sized("contacts", fill=1.0)  # 1 where the foot is on the ground
     acceleration: Vector = sized("contacts", 6)  # wanted besides, world axes
     damping: float  # of the foot's velocity, 1/s
-    frame: Vector = sized("feet", 3, 3)  # axes of each point's contact in the world; the third is the normal
+    frame: Vector = sized(
+        "feet", 3, 3
+    )  # axes of each point's contact in the world; the third is the normal
 
 
 @kernel
-def frame_terms(t: TreeRecord, e: EliminationRecord, f: FrameTasksRecord, i: int, p: Vector, axes: Vector) -> None:
-    """Jacobian, velocity and drift of a frame at p of body i, base axes, in ``axes`` (3, 3) given there."""
+def frame_terms(
+    t: TreeRecord, e: EliminationRecord, f: FrameTasksRecord, i: int, p: Vector, axes: Vector
+) -> None:
+    """Jacobian, velocity and drift of a frame at p of body i, base axes, in ``axes`` (3, 3) given
+    there.
+    """
     end, twist, drift = ROOT - 1 if i == 0 else t.column[i], t.twist[i], t.drift[i]
     velocity = twist[:3] + np.cross(twist[3:], p)
     f.velocity_now[:3], f.velocity_now[3:] = axes.T @ velocity, axes.T @ twist[3:]
@@ -106,7 +113,9 @@ def frame_terms(t: TreeRecord, e: EliminationRecord, f: FrameTasksRecord, i: int
 
 
 @kernel
-def add_frame(d: DynamicsRecord, e: EliminationRecord, f: FrameTasksRecord, n: int, q: Vector) -> None:
+def add_frame(
+    d: DynamicsRecord, e: EliminationRecord, f: FrameTasksRecord, n: int, q: Vector
+) -> None:
     """Task n of the frames."""
     t, i = d.tree, f.body[n]
     p = t.position[i] + t.axes[i] @ f.offset[n]
@@ -135,7 +144,9 @@ def add_row(e: EliminationRecord, row: Vector, end: int, weight: float, wanted: 
 
 
 @kernel
-def add_joints(t: TreeRecord, e: EliminationRecord, j: JointTasksRecord, q: Vector, v: Vector) -> None:
+def add_joints(
+    t: TreeRecord, e: EliminationRecord, j: JointTasksRecord, q: Vector, v: Vector
+) -> None:
     """All tasks of joints."""
     for n in range(j.column.shape[0]):
         k = j.column[n]
@@ -143,26 +154,36 @@ def add_joints(t: TreeRecord, e: EliminationRecord, j: JointTasksRecord, q: Vect
         error = j.position[n] - q[place]
         if t.kind[k - ROOT + 1] == UNBOUNDED:
             cosine, sine = np.cos(j.position[n]), np.sin(j.position[n])
-            error = np.arctan2(sine * q[place] - cosine * q[place + 1], cosine * q[place] + sine * q[place + 1])
+            error = np.arctan2(
+                sine * q[place] - cosine * q[place + 1], cosine * q[place] + sine * q[place + 1]
+            )
         wanted = j.acceleration[n] + j.stiffness[n] * error + j.damping[n] * (j.velocity[n] - v[k])
         e.matrix[k, SIDES + e.depth[k]] += j.weight[n]
         e.matrix[k, TARGETS] -= j.weight[n] * wanted
 
 
 @kernel
-def momentum_rows(d: DynamicsRecord, m: MomentumTasksRecord, n: NewtonRecord, q: Vector, v: Vector) -> None:
+def momentum_rows(
+    d: DynamicsRecord, m: MomentumTasksRecord, n: NewtonRecord, q: Vector, v: Vector
+) -> None:
     """X and h of the tasks of momentum."""
     t, mass = d.tree, d.tree.moment[0, 0]
     r, centre, momentum = t.rotation, t.moment[0, 1:] / mass, d.mass_matrix[:6] @ v
     n.momentum_map[:3, :3], n.momentum_map[:3, 3:] = r / mass, 0.0
     n.momentum_map[3:, :3], n.momentum_map[3:, 3:] = -(r @ skew(centre)), r
-    n.momentum_target[:3] = m.acceleration - t.gravity + m.damping * (m.velocity - r @ momentum[:3] / mass)
+    n.momentum_target[:3] = (
+        m.acceleration - t.gravity + m.damping * (m.velocity - r @ momentum[:3] / mass)
+    )
     n.momentum_target[:3] += m.stiffness * (m.position - q[:3] - r @ centre)
-    n.momentum_target[3:] = m.rate + m.gain * (m.momentum - r @ (momentum[3:] - np.cross(centre, momentum[:3])))
+    n.momentum_target[3:] = m.rate + m.gain * (
+        m.momentum - r @ (momentum[3:] - np.cross(centre, momentum[:3]))
+    )
 
 
 @kernel
-def add_contact(d: DynamicsRecord, e: EliminationRecord, f: FrameTasksRecord, c: ContactsRecord, k: int) -> None:
+def add_contact(
+    d: DynamicsRecord, e: EliminationRecord, f: FrameTasksRecord, c: ContactsRecord, k: int
+) -> None:
     """Rows of foot k; zero where it is not held. ``f`` is work space."""
     t, i, first, last = d.tree, c.body[k], c.first_row[k], c.first_row[k] + c.row_count[k]
     e.rows[first:last] = 0.0
@@ -183,5 +204,7 @@ def contact_forces_map(d: DynamicsRecord, c: ContactsRecord, n: NewtonRecord) ->
         for point in range(c.first_point[k], c.first_point[k + 1]):
             first = 3 * point
             n.held[point] = c.held[k]
-            n.force_map[first : first + 3] = c.frame[point].T @ d.foot_jacobian[first : first + 3, :6]
+            n.force_map[first : first + 3] = (
+                c.frame[point].T @ d.foot_jacobian[first : first + 3, :6]
+            )
     n.thrust_map[:] = d.thruster_jacobian[:, :6]

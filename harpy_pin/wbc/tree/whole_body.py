@@ -23,7 +23,12 @@ from harpy_pin.wbc.tasks.task import CentreOfMassTask, FrameTask, JointTask, Mom
 from harpy_pin.wbc.tree.elimination import ROOT, EliminationRecord
 from harpy_pin.wbc.tree.newton import NewtonRecord
 from harpy_pin.wbc.tree.solve import WRONG_SHAPE, WholeBodyRecord, solve_whole_body
-from harpy_pin.wbc.tree.tasks import ContactsRecord, FrameTasksRecord, JointTasksRecord, MomentumTasksRecord
+from harpy_pin.wbc.tree.tasks import (
+    ContactsRecord,
+    FrameTasksRecord,
+    JointTasksRecord,
+    MomentumTasksRecord,
+)
 from harpy_pin.wbc.weights import WholeBodyLimits, thrust_box
 
 FORCE_WEIGHT = 2e-4
@@ -41,7 +46,9 @@ class WholeBodyStatus(IntEnum):
 
     OPTIMAL = 0
     SUBOPTIMAL = 1
-    """The search ended at its bound: forces are in their cones, the motion is the one that belongs to them."""
+    """The search ended at its bound: forces are in their cones, the motion is the one that belongs
+    to them.
+    """
     INVALID = 2
     """State or targets were not possible numbers: the solution is that of the last good tick."""
 
@@ -56,7 +63,8 @@ class WholeBodySolution:
     Attributes:
         acceleration: (nv,) generalised acceleration.
         torque: (joints,) torques of the joints, N·m.
-        force: (feet, 3) force of the ground on each contact point, world axes, N; zero where it is not held.
+        force: (feet, 3) force of the ground on each contact point, world axes, N; zero where it is
+            not held.
         thrust: (thrust variables,) N; see :mod:`harpy_pin.model.rotor`.
         status: how the solve ended.
     """
@@ -77,35 +85,41 @@ class WholeBodySolution:
 class WholeBodySolver:
     """The whole-body optimum of any robot with a free base: any limbs, tasks and contacts.
 
-    The contacts are the robot's feet, points and soles; name any frames as feet when the robot is loaded, hands too. A
-    weight w of a task adds ½ Σ w e² of its rows' errors e to what is minimised, in (m/s²)² and (rad/s²)²
-    (docs/whole_body.md has weights to begin with). After this, tasks keep their references in the solver's memory:
-    ``task.position[:] = ...`` is all that a change takes. Gains are read here, once.
+    The contacts are the robot's feet, points and soles; name any frames as feet when the robot is
+    loaded, hands too. A weight w of a task adds ½ Σ w e² of its rows' errors e to what is
+    minimised, in (m/s²)² and (rad/s²)² (docs/whole_body.md has weights to begin with). After this,
+    tasks keep their references in the solver's memory: ``task.position[:] = ...`` is all that a
+    change takes. Gains are read here, once.
 
     Args:
         robot: any.
-        tasks: each with its weight, one number or one for each row. Frames, joints, one centre of mass, one angular
-            momentum.
+        tasks: each with its weight, one number or one for each row. Frames, joints, one centre of
+            mass, one angular momentum.
         limits: friction of the ground, faces of the pyramids, largest thrusts.
         contact_damping: of the velocity of a foot on the ground, 1/s.
-        regularisation: weight of the square of each acceleration, besides all tasks: where no task says anything.
-        force_weight: of the square of each contact force, 1/N²; by default 2e-4 over the square of the robot's mass.
+        regularisation: weight of the square of each acceleration, besides all tasks: where no task
+            says anything.
+        force_weight: of the square of each contact force, 1/N²; by default 2e-4 over the square of
+            the robot's mass.
         thrust_weight: of the square of each thrust, 1/N².
 
     Attributes:
         contacts: names of the feet: points, or the first corners of soles.
         held: (contacts,) 1 where a foot is on the ground, else 0; all of them to begin with.
-        contact_acceleration: (contacts, 6) of each foot on the ground, world axes; zero to begin with.
-        contact_frame: (feet, 3, 3) axes of each contact point in the world; the third is the normal. Friction and range
-            of its force are in them. Upright to begin with.
+        contact_acceleration: (contacts, 6) of each foot on the ground, world axes; zero to begin
+            with.
+        contact_frame: (feet, 3, 3) axes of each contact point in the world; the third is the
+            normal. Friction and range of its force are in them. Upright to begin with.
         friction: (feet,) slope of the pyramids' faces.
         force_range: (feet, 2) least and largest normal force of each contact point that is held, N.
-        weights: of each task, an array with one for each of its rows; it may be overwritten in place.
+        weights: of each task, an array with one for each of its rows; it may be overwritten in
+            place.
         solution: of the last solve.
         steps: Newton's steps of the last solve.
 
     Raises:
-        InputError: tasks of another kind, unknown frames or joints, or numbers out of their domains.
+        InputError: tasks of another kind, unknown frames or joints, or numbers out of their
+            domains.
     """
 
     _record_: Records[WholeBodyRecord]
@@ -159,7 +173,10 @@ class WholeBodySolver:
         except TypeError:  # lists, integers, or arrays that are not contiguous
             found = WRONG_SHAPE
         if found == WRONG_SHAPE:
-            q, v = as_array("q", state.q, (self.robot.model.nq,)), as_array("v", state.v, (self.robot.model.nv,))
+            q, v = (
+                as_array("q", state.q, (self.robot.model.nq,)),
+                as_array("v", state.v, (self.robot.model.nv,)),
+            )
             found = solve_whole_body(self._record_, q, v)
         self.solution.status = STATUS[found]
         return self.solution
@@ -174,7 +191,9 @@ class WholeBodySolver:
         record, frame, row = self._record_, 0, 0
         for task, weight in tasks.items():
             arrays, rows = _arrays(record["momentum"][0]), slice(0, 3)
-            weights = field(record["newton"], "momentum_weight")[3 if isinstance(task, MomentumTask) else 0 :]
+            weights = field(record["newton"], "momentum_weight")[
+                3 if isinstance(task, MomentumTask) else 0 :
+            ]
             if isinstance(task, FrameTask):
                 arrays, rows = _arrays(record["frames"][0], frame), task._rows
                 frame, weights = frame + 1, arrays["weight"]
@@ -190,7 +209,9 @@ class WholeBodySolver:
             for name in arrays.keys() & REFERENCES:
                 given = getattr(task, name, None)
                 if given is not None:
-                    place = arrays[name] if arrays[name].shape == given.shape else arrays[name][rows]
+                    place = (
+                        arrays[name] if arrays[name].shape == given.shape else arrays[name][rows]
+                    )
                     place[:] = given
                     move_array(task, name, place)
 
@@ -210,16 +231,25 @@ def _record(
     firsts = np.cumsum((0, *robot.corners))
     bodies = np.array([corners[first].parentJoint - 1 for first in firsts[:-1]], dtype=np.int64)
     system, first_row, row_count = _system(robot, bodies)
-    sizes = {**robot.sizes, "frames": len(frames), "joint_rows": len(joints), "contacts": len(bodies)}
+    sizes = {
+        **robot.sizes,
+        "frames": len(frames),
+        "joint_rows": len(joints),
+        "contacts": len(bodies),
+    }
     sizes |= {"rows": len(system["row_end"][0]), "width": system["path"].shape[-1]}
-    places = np.split(np.array([corner.placement.translation for corner in corners]).reshape(-1, 3), firsts[1:-1])
+    places = np.split(
+        np.array([corner.placement.translation for corner in corners]).reshape(-1, 3), firsts[1:-1]
+    )
     angle = 2.0 * np.pi * np.arange(int(limits.faces)) / limits.faces
     newton = make_record(
         NewtonRecord,
         sizes,
         friction=np.full(points, limits.friction_share * limits.mu * limits.inscribed),
         force_range=np.tile((0.0, 1e4), (points, 1)),
-        faces=np.column_stack((np.cos(angle), np.sin(angle), np.full(len(angle), np.tan(np.pi / limits.faces)))),
+        faces=np.column_stack(
+            (np.cos(angle), np.sin(angle), np.full(len(angle), np.tan(np.pi / limits.faces)))
+        ),
         force_weight=settings["force_weight"],
         thrust_weight=settings["thrust_weight"],
         thrust_range=np.column_stack(thrust_box(robot, limits)),
@@ -257,7 +287,9 @@ def _record(
 
 
 def tree_paths(model: pin.Model) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Depth (nv,) of each degree of freedom, and (nv, largest depth + 1) those from the root to it."""
+    """Depth (nv,) of each degree of freedom, and (nv, largest depth + 1) those from the root to
+    it.
+    """
     paths: list[list[int]] = []
     for joint in model.joints[1:]:
         above = model.joints[model.parents[joint.id]]
@@ -273,10 +305,14 @@ def tree_paths(model: pin.Model) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
 def _system(
     robot: Robot, bodies: NDArray[np.int64]
 ) -> tuple[Records[EliminationRecord], NDArray[np.int64], NDArray[np.int64]]:
-    """A new :class:`EliminationRecord` for contacts on these bodies, and the first row and number of rows of each."""
+    """A new :class:`EliminationRecord` for contacts on these bodies, and the first row and number
+    of rows of each.
+    """
     depth, path = tree_paths(robot.model)
     if 0 in bodies:
-        raise InputError("a foot on the base itself is not supported: no joint moves it", name="robot")
+        raise InputError(
+            "a foot on the base itself is not supported: no joint moves it", name="robot"
+        )
     ends = bodies + ROOT - 1
     branches = path[ends, ROOT] if len(ends) else ends  # first joint of each contact's limb
     limbs = [int(k) for k in np.unique(branches)]
@@ -288,7 +324,10 @@ def _system(
             first[contact] = len(row_end)
             row_end += [ends[contact]] * count[contact]
         first_row.append(len(row_end))
-    on = [limbs.index(path[k, ROOT]) if depth[k] >= ROOT and path[k, ROOT] in limbs else -1 for k in range(len(depth))]
+    on = [
+        limbs.index(path[k, ROOT]) if depth[k] >= ROOT and path[k, ROOT] in limbs else -1
+        for k in range(len(depth))
+    ]
     system = make_record(
         EliminationRecord,
         {"nv": len(depth), "width": path.shape[1], "rows": len(row_end)},
@@ -303,11 +342,14 @@ def _system(
 
 
 def _known(tasks: Mapping[AnyTask, ArrayLike]) -> list[AnyTask]:
-    """The tasks, if they are of kinds that are known, with one centre of mass and one angular momentum."""
+    """The tasks, if they are of kinds that are known, with one centre of mass and one angular
+    momentum.
+    """
     for task in tasks:
         if type(task) not in KINDS or (isinstance(task, MomentumTask) and task.part != "angular"):
             raise InputError(
-                "tasks must be FrameTask, JointTask, CentreOfMassTask, or MomentumTask of the angular part, "
+                "tasks must be FrameTask, JointTask, CentreOfMassTask, or MomentumTask of the "
+                "angular part, "
                 f"got {shown(task)}",
                 name="tasks",
                 value=task,
