@@ -29,6 +29,7 @@ solver = hp.WholeBodySolver(
     },
 )
 
+assert body.position is not None  # now in the solver's memory
 worst = np.zeros(2)
 while plant.t < 4.0:
     body.position[1] = centre[1] + 0.03 * np.sin(2.0 * plant.t)

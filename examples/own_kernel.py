@@ -1,5 +1,7 @@
 """A kernel of one's own: a damped spring that C steps through, beside the same in NumPy."""
 
+from typing import Any
+
 import numpy as np
 
 from harpy_pin.kernels import kernel
@@ -22,15 +24,16 @@ def swing(s: SpringRecord, dt: float, steps: int) -> float:
     for _ in range(steps):
         s.velocity[:] += dt / s.mass * (-s.stiffness * s.position - s.damping * s.velocity)
         s.position[:] += dt * s.velocity
-    return 0.5 * s.mass * (s.velocity @ s.velocity) + 0.5 * s.stiffness * (s.position @ s.position)
+    twice = s.mass * (s.velocity @ s.velocity) + s.stiffness * (s.position @ s.position)
+    return float(0.5 * twice)
 
 
-def swing_in_numpy(s: np.void, dt: float, steps: int) -> float:
+def swing_in_numpy(s: Any, dt: float, steps: int) -> float:
     x, v = s["position"], s["velocity"]
     for _ in range(steps):
         v += dt / s["mass"] * (-s["stiffness"] * x - s["damping"] * v)
         x += dt * v
-    return 0.5 * s["mass"] * (v @ v) + 0.5 * s["stiffness"] * (x @ x)
+    return float(0.5 * (s["mass"] * (v @ v) + s["stiffness"] * (x @ x)))
 
 
 start, zero = np.array([0.1, 0.0, -0.2]), np.zeros(3)

@@ -107,7 +107,7 @@ STUDY = Study(
         "plants": ("compliant", "mujoco"),
         "states": ("true", "estimated"),
         "worlds": tuple(ROBOTS),
-        "walks": 24,  # with random commands
+        "walks": 50,  # with random commands
         "duration": 6.0,  # s
         "course": 20.0,  # s
         "seed": 2000,

@@ -29,7 +29,7 @@ def estimate(
         Path | None, typer.Option(metavar="FILE", help="Charts: .png, .pdf or .svg.")
     ] = None,
 ) -> None:
-    """Estimate the state of a robot from a log of its sensors, and print how far it drifts.
+    """Estimate a robot's state from a log, and its drift.
 
     The log has t, gyroscope, accelerometer, joint_position, and joint_torque or foot_force;
     joint_velocity if there is one, and the truth as q and v. Harpy's own logs with sensors are such

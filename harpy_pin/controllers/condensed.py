@@ -56,7 +56,7 @@ class CondensedController(TaskController):
         self.solver = CondensedSolver(
             self.robot, p.weights, p.limits, record=self._record_["condensed"]
         )
-        self.acceleration = self.solver.acceleration
+        self._intended = self.solver.acceleration
         self._clipped = field(self.solver._record_, "clipped")
         status, systems = (
             field(self.solver._record_, "status_and_systems")[k, ...] for k in range(2)

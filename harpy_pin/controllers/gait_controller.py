@@ -70,9 +70,14 @@ class GaitController(KeepsViews, ABC):
     _chained = False  # whether that was looked for
     parameters: GovernedParameters | WholeBodyParameters
     _record_: Records[Any]  # of the controller
-    acceleration: Vector | None = None
+    _intended: Vector | None = None  # acceleration of the last command
     _command: Command  # of the last tick, in the record
     _signals: dict[str, ArrayLike]  # of the last tick, by name
+
+    @property
+    def acceleration(self) -> Vector | None:
+        """The motion that the last command intends (nv,)."""
+        return self._intended
 
     def __init__(self, gait: Gait, parameters: GovernedParameters | WholeBodyParameters) -> None:
         self.gait: FullGait = own_target(gait)

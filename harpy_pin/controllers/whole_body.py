@@ -123,7 +123,7 @@ class WholeBodyController(TaskController):
         )
         record = self._record_
         if self._command.law is not None:
-            self.acceleration = field(record["motors"], "acceleration")
+            self._intended = field(record["motors"], "acceleration")
         self._inputs, self._outcome = field(record, "inputs"), field(record, "outcome")
         self._iterations = field(record, "iterations")
         self._violation, self._failures = field(record, "violation"), field(record, "failures")

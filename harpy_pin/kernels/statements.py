@@ -129,9 +129,8 @@ class _Translator(Assignments):
         if isinstance(value.type, Tuple):
             kind = self._returns(Tuple(tuple(item.type for item in value.items)))
             assert isinstance(kind, Tuple)
-            codes = [
-                self.cast(item, to).code for item, to in zip(value.items, kind.items, strict=True)
-            ]  # type: ignore[arg-type]
+            pairs = zip(value.items, kind.items, strict=True)
+            codes = [self.cast(item, to).code for item, to in pairs]  # type: ignore[arg-type]
             self.emit(f"return ({self.unit.result_type(kind)}){{{', '.join(codes)}}};")
             return
         if isinstance(value.type, Array):

@@ -26,6 +26,7 @@ WORLD = "world"
 
 def write_mcap(run: Run, robot: Robot, path: str | Path) -> None:
     """See :meth:`~harpy_pin.log.run.Run.to_mcap`."""
+    checks.instance("robot", robot, Robot)
     try:
         import foxglove
         from foxglove import channels

@@ -214,6 +214,7 @@ def values() -> dict[str, Any]:
         **{"controller": controller, "force": np.ones((2, 3)), "depth": 0.01, "inverse_mass": 0.5},
         **{"imu": hp.Imu(), "gyroscope": np.zeros(3), "accelerometer": np.array([0.0, 0.0, 9.81])},
         **{"joint_position": q[7:], "joint_velocity": np.zeros(6), "joint_torque": np.zeros(6)},
+        "WholeBodySolver.tasks": {hp.JointTask(robot.joints): 1.0},
         "readings": hp.Readings(
             0.0, np.zeros(3), np.array([0.0, 0.0, 9.81]), q[7:], np.zeros(6), np.zeros(6)
         ),
@@ -333,6 +334,7 @@ NOT_CALLED = {
     "view.show": "serves until it is closed",
     "view.ReplayServer": "serves until it is closed",
     "view.Viewer": "serves until it is closed",
+    "wbc.WholeBodySolution": "is made by a solver",
 }
 """Functions left out, and why."""
 METHODS_NOT_CALLED = (*("wait", "calls", "compile_loop", "log", "close", "close_extras"),)

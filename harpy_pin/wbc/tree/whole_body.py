@@ -60,6 +60,9 @@ STATUS = tuple(WholeBodyStatus)
 class WholeBodySolution:
     """What :meth:`WholeBodySolver.solve` found; overwritten by the next solve.
 
+    Args:
+        record: of the solver.
+
     Attributes:
         acceleration: (nv,) generalised acceleration.
         torque: (joints,) torques of the joints, N·m.
@@ -166,8 +169,9 @@ class WholeBodySolver:
             :attr:`solution` itself.
 
         Raises:
-            InputError: arrays of another shape, or that are no numbers at all.
+            InputError: no state, arrays of another shape, or that are no numbers at all.
         """
+        checks.instance("state", state, State)
         try:
             found = solve_whole_body(self._record_, state.q, state.v)
         except TypeError:  # lists, integers, or arrays that are not contiguous
