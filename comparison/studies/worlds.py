@@ -291,28 +291,30 @@ def _shared(soles: bool) -> list[View]:
 
 
 def _draw(figure: Any, rows: Rows) -> None:
-    """Worlds beside controllers: the darker, the more of the walks fall."""
+    """Worlds beside controllers, those on soles below: the darker, the more of the walks fall."""
     from matplotlib.colors import LinearSegmentedColormap
 
     shades = LinearSegmentedColormap.from_list("falls", ("#e6f0f7", "#c8553d"))
     named = [row | {"name": fill(_name(row), 12)} for row in rows if _walks_on(row)]
-    cells = grouped(named, "who", "name")
-    whos, worlds = ([*dict.fromkeys(names)] for names in zip(*cells, strict=True))
-    figure.set_size_inches(0.85 * len(worlds) + 2.0, 0.32 * len(whos) + 1.0)
-    panel = figure.subplots()
-    panel.grid(visible=False)
-    for (who, name), mine in cells.items():
-        x, y = worlds.index(name), whos.index(who)
-        panel.barh(
-            y, 0.96, 0.92, x - 0.48, color=shades(sum(row["fell"] for row in mine) / len(mine))
-        )
-        panel.text(x, y, fell(mine), ha="center", va="center", fontsize=7.5)
-    panel.set_xticks(range(len(worlds)), worlds)
-    panel.set_yticks(range(len(whos)), whos)
-    panel.set_ylim(len(whos) - 0.5, -0.5)
-    panel.xaxis.tick_top()
-    panel.tick_params(length=0)
-    panel.spines[:].set_visible(False)
+    kinds = [grouped(same, "who", "name") for same in grouped(named, "soles").values()]
+    sides = [[[*dict.fromkeys(names)] for names in zip(*cells, strict=True)] for cells in kinds]
+    heights = [len(whos) + 2 for whos, _ in sides]
+    widest = max(len(worlds) for _, worlds in sides)
+    figure.set_size_inches(0.85 * widest + 2.0, 0.32 * sum(heights))
+    panels = figure.subplots(len(kinds), squeeze=False, height_ratios=heights)[:, 0]
+    for panel, cells, (whos, worlds) in zip(panels, kinds, sides, strict=True):
+        panel.grid(visible=False)
+        for (who, name), mine in cells.items():
+            x, y = worlds.index(name), whos.index(who)
+            shade = shades(sum(row["fell"] for row in mine) / len(mine))
+            panel.barh(y, 0.96, 0.92, x - 0.48, color=shade)
+            panel.text(x, y, fell(mine), ha="center", va="center", fontsize=7.5)
+        panel.set_xticks(range(len(worlds)), worlds)
+        panel.set_yticks(range(len(whos)), whos)
+        panel.set(xlim=(-0.5, widest - 0.5), ylim=(len(whos) - 0.5, -0.5))
+        panel.xaxis.tick_top()
+        panel.tick_params(length=0)
+        panel.spines[:].set_visible(False)
 
 
 STUDY = Study(
