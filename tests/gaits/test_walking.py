@@ -16,7 +16,7 @@ from long import long_but
 from needs import needs_robots
 from scipy.integrate import solve_ivp
 from scipy.optimize import nnls
-from walks import made_state, walk
+from walks import made_state, states_of, walk, walked
 
 import harpy_pin as hp
 from harpy_pin.gaits.walking.build import draw_together
@@ -413,3 +413,22 @@ def test_icub_that_stands_takes_a_push_without_a_step(degrees):
     assert int(run["steps"][-1]) == 0
     assert hp.measure(run).tilt_max_rad < 0.15
     assert abs(run["v"][-1]).max() < 0.1
+
+
+@pytest.mark.parametrize("ticks", [500, 1500, 1777])
+@needs_robots
+def test_a_walk_that_begins_anew_is_that_of_a_new_gait(ticks):
+    # With two feet in the air before, or all down: nothing of it is left.
+    robot = hp.load_robot("solo12")
+    used, new = (hp.WalkingGait(robot, velocity=(0.4, 0.0, 0.0)) for _ in range(2))
+    states = states_of(walked(used, controller="condensed", duration=2.0))
+    for state in states[:ticks]:
+        used.observe(state)
+        used.update(state.t)
+    for state in states[:1200]:
+        targets = []
+        for gait in (used, new):
+            gait.observe(state)
+            targets.append(gait.update(state.t))
+        for name in ("body", "foot_position", "stance"):
+            np.testing.assert_array_equal(*(getattr(target, name) for target in targets))

@@ -37,14 +37,21 @@ def measure(p: WalkingRecord, q: Vector, v: Vector, foot_force: Vector) -> bool:
     if not p.terrain.level:
         above_ground(p)
     _measure_feet(p, m, foot_force)
+    measure_drift(p)
+    m.seen = 1
+    return True
+
+
+@kernel
+def measure_drift(p: WalkingRecord) -> None:
+    """The pendulum's velocity on the feet that are down, after everything else is measured."""
+    m = p.measured
     _find_line(p, m)
     m.drift[:] = (
         m.centre[3:5]
         + np.array((m.spin[1], -m.spin[0])) / m.centre[2]
         - _held_turning(p, m) * m.line
     )
-    m.seen = 1
-    return True
 
 
 @kernel

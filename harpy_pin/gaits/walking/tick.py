@@ -9,6 +9,7 @@ from harpy_pin.gaits.velocity import take_command
 from harpy_pin.gaits.walking.body import demand_acceleration, write_targets
 from harpy_pin.gaits.walking.contacts import go_on, time_left
 from harpy_pin.gaits.walking.footholds import choose_footholds
+from harpy_pin.gaits.walking.measuring import measure_drift
 from harpy_pin.gaits.walking.pendulum import change_after, desired_after, wrapped
 from harpy_pin.gaits.walking.record import WalkingRecord
 from harpy_pin.gaits.walking.rolling import stay_flat
@@ -72,7 +73,7 @@ def walk_on(p: WalkingRecord, target: GaitTargetRecord, elapsed: float) -> None:
 
 @kernel
 def begin_walk(p: WalkingRecord) -> None:
-    """Stand where the robot is."""
+    """Stand where the robot is, on all feet."""
     m = p.measured
     p.path[:] = *m.centre[:2], m.heading
     p.last_command[:] = 0.0
@@ -81,6 +82,7 @@ def begin_walk(p: WalkingRecord) -> None:
     p.raised = p.refused = p.phase = 0.0
     p.walking = p.steps = p.swings = 0
     p.in_air[:] = 0.0
+    measure_drift(p)  # it was measured on the feet that were down in the walk before
     p.felt[:] = 0.0
     stay_flat(p)
     p.touched[:] = 0.0
