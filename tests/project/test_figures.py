@@ -125,7 +125,6 @@ ZERO = [
     ("damped/variants", FOUND, "fell"),
     ("harsh/variants", PID, "fell"),
     ("damped/variants", PID, "fell"),
-    ("damped/variants", LAW, "fell"),
     *(
         ("wide/variants", row, delay)
         for row in ("no governor", "contact-force filter")
@@ -149,7 +148,7 @@ ZERO = [
 
 RATIOS = [
     ("docs/results.md", "slip 2.4 times as far", f"{HARSH}, no friction estimate", HARSH, 2.4),
-    ("docs/limitations.md", "slide 29 times as far", f"{DAMPED}|{PID}", f"{DAMPED}|{LAW}", 29.0),
+    ("docs/limitations.md", "slide 20 times as far", f"{DAMPED}|{PID}", f"{DAMPED}|{LAW}", 20.0),
 ]
 """What words say of two median slips: the page, the words, the rows, and their ratio within a
 tenth.
