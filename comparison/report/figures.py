@@ -187,6 +187,7 @@ def growth_figure(tables: Mapping[str, Table]) -> Figure:
     time.
     """
     from matplotlib.figure import Figure
+    from matplotlib.ticker import LogLocator
 
     figure = Figure(figsize=(8.4, 3.6), layout="constrained")
     panels = figure.subplots(1, len(KINDS), sharey=True)
@@ -208,7 +209,7 @@ def growth_figure(tables: Mapping[str, Table]) -> Figure:
         _write_plainly(panel.xaxis, panel.yaxis)
         panel.set_xlabel(axis)
         panel.grid(True, which="both", alpha=0.25)
-    panels[0].yaxis.set_minor_formatter(panels[0].yaxis.get_major_formatter())
+    panels[0].yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
     panels[0].set_ylabel("median, µs")
     figure.legend(
         *panels[0].get_legend_handles_labels(), loc="outside upper center", ncols=3, frameon=False
