@@ -106,9 +106,6 @@ SENTENCES = {
         f"paper's governor with an active-set warm start, {solve('DAQP from scratch', 2)} times "
         f"with DAQP from "
         f"scratch, and {solve('ProxQP, warm', 2)} times with warm ProxQP;",
-        "on G1 it takes {comparison/growth_freedoms|G1, two feet held|condensed WBC} µs, the whole "
-        "program by own search {comparison/growth_freedoms|G1, two feet held|whole-body QP, full, "
-        "own search}.",
         "the gentle walk creeps {contacts/contacts_0.25_brief|MuJoCo default|gentle|1} mm instead "
         "of "
         "{contacts/contacts_0.25_brief|MuJoCo default|condensed WBC|2} on the default contact.",
