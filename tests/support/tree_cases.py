@@ -12,10 +12,12 @@ import proxsuite
 import quadprog
 from forward_dynamics import mass_matrix
 from random_trees import random_model
+from scipy.linalg import block_diag
 
 import harpy_pin as hp
 from harpy_pin.wbc import MomentumTask, WholeBodyLimits
 from harpy_pin.wbc.tree import WholeBodySolver
+from harpy_pin.wbc.tree.limits import COMPLIANCE
 
 LIMITS = WholeBodyLimits(mu=0.8, friction_share=0.75)
 DAMPING = 20.0
@@ -41,10 +43,15 @@ class Case:
     held: tuple[int, ...] | None = None
     regularisation: float = 1e-3
     compliance: float = 0.0  # of the contacts in the dense program; zero for equalities
+    period: float | None = None
     solver: WholeBodySolver = field(init=False)
 
     def __post_init__(self):
-        settings = {"regularisation": self.regularisation, "contact_damping": DAMPING}
+        settings = {
+            "regularisation": self.regularisation,
+            "contact_damping": DAMPING,
+            "period": self.period,
+        }
         self.solver = WholeBodySolver(self.robot, self.tasks, limits=LIMITS, **settings)
         self.solver.held[:] = 1.0 if self.held is None else self.held
         if self.compliance:
@@ -73,6 +80,8 @@ class Case:
             0.5 * size * rng.standard_normal(solver.contact_acceleration.shape)
         )
         feet = np.zeros((len(self.robot.feet), 3))
+        share = self.robot.mass * 9.81 / max(len(feet), 1)
+        solver.reference_force[:] = 0.5 * size * share * rng.standard_normal(feet.shape)
         return hp.State(
             0.0,
             pin.integrate(model, self.q, step),
@@ -112,7 +121,11 @@ class Case:
         return np.vstack([np.zeros((0, model.nv)), *rows]), np.concatenate([np.zeros(0), *values])
 
     def dense(self, state):
-        """The program in [a; f; u]: P, p, A, b, C, lower, upper; and the torques of its answers."""
+        """The program in [a; f; u]: P, p, A, b, C, lower, upper; and the torques of its answers.
+
+        With a period it is one in [a; f; u; s], with s the accelerations of joints beyond their
+        ranges.
+        """
         robot, solver, model = self.robot, self.solver, self.robot.model
         nv, forces, thrusts = model.nv, 3 * len(robot.feet), robot.n_thrust
         self.dynamics.update(state.q, state.v)
@@ -122,6 +135,7 @@ class Case:
         pin.updateFramePlacements(model, data)
         weights = [self.regularisation] * nv + [2e-4 / robot.mass**2] * forces + [5e-3] * thrusts
         hessian, gradient = np.diag(weights), np.zeros(nv + forces + thrusts)
+        gradient[nv : nv + forces] = -weights[nv] * solver.reference_force.ravel()
         rows, values = self.contact_rows(data, state)
         squares = [(*task.rows(self.dynamics, state), solver.weights[task]) for task in self.tasks]
         if self.compliance:
@@ -157,15 +171,59 @@ class Case:
             )
             bounds.append((own[2:], *solver.force_range[k, :, None]))
         bounds.append((identity[nv + forces :], *solver.record["newton"]["thrust_range"][0].T))
+        joints = np.hstack((mass[6:], -outer[:, 6:].T))
+        bounds.append((joints, *(solver.torque_range - bias[6:, None]).T))
         equality = np.vstack(equality)
         value = np.zeros(len(equality))
         value[:6], value[6 : 6 + len(values)] = -bias[:6], values
 
         def torques(x):
-            return (mass @ x[:nv] + bias - outer.T @ x[nv:])[6:]
+            return (mass @ x[:nv] + bias - outer.T @ x[nv : nv + len(outer)])[6:]
 
-        limits = (np.concatenate([bound[n] for bound in bounds]) for n in range(3))
+        limits = [np.concatenate([bound[n] for bound in bounds]) for n in range(3)]
+        if self.period is not None:
+            ranges = joint_ranges(model, self.period, 100.0, state)
+            slack = nv - 6
+            hessian = block_diag(hessian, np.eye(slack) / COMPLIANCE)
+            gradient = np.concatenate((gradient, np.zeros(slack)))
+            equality, rows = (
+                np.hstack((part, np.zeros((len(part), slack)))) for part in (equality, limits[0])
+            )
+            own = np.zeros((slack, len(gradient)))
+            own[:, 6:nv] = own[:, -slack:] = np.eye(slack)
+            limits = [
+                np.vstack((rows, own)),
+                *map(np.concatenate, zip(limits[1:], ranges, strict=True)),
+            ]
         return (hessian, gradient, equality, value, *limits), torques
+
+
+def joint_ranges(model, period, deceleration, state):
+    """Least and largest accelerations with which joints keep their velocities and can still stop
+    within their positions, by bisection.
+    """
+    ranges = np.zeros((2, model.nv - 6))
+    for j in range(model.nv - 6):
+        for row, sign, end in (
+            (0, -1.0, model.lowerPositionLimit[7 + j]),
+            (1, 1.0, model.upperPositionLimit[7 + j]),
+        ):
+            room = sign * (end - state.q[7 + j]) - 0.125 * deceleration * period**2
+            speed = sign * state.v[6 + j]
+            fastest = model.velocityLimit[6 + j]
+
+            def keeps(a, room=room, speed=speed, fastest=fastest):
+                after, left = speed + period * a, room - period * speed - 0.5 * period**2 * a
+                stops = after <= 0.0 or (left >= 0.0 and after**2 <= 2.0 * deceleration * left)
+                return stops and after <= fastest
+
+            low, high = -deceleration, 1e6
+            if keeps(low):
+                for _ in range(100):
+                    middle = 0.5 * (low + high)
+                    low, high = (middle, high) if keeps(middle) else (low, middle)
+            ranges[row, j] = sign * low
+    return ranges
 
 
 def solve_proxqp(program):

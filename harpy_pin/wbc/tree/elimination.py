@@ -74,6 +74,8 @@ class EliminationRecord(RecordOf):
     )  # [0, −c, J_c], packed alike; then [L_S⁻ᵀ Z, L_S⁻ᵀ E, y_j]
     schur: Vector = sized("rows", "rows")  # factors of S = L_Sᵀ L_S, one below the other
     remainder: Vector = sized(7, 7)  # Φ
+    limit_sides: Vector = sized("joints", "nv")  # D⁻¹ L⁻ᵀ x of each limit that binds
+    limit_rows: Vector = sized("joints", "rows")  # of the contact rows, L_S⁻ᵀ z
     multiplier: Vector = sized("rows")  # μ
     acceleration: Vector = sized("nv")  # a
 
@@ -138,13 +140,60 @@ def _schur_entry(e: EliminationRecord, r: int, s: int) -> float:
 @kernel
 def root_equations(e: EliminationRecord, bias: Vector, compliance: Vector, demand: Vector) -> None:
     """K (6, 6) and w (6,) of y = w − K λ, after :func:`eliminate`; ``bias`` (≥ 6,) is n."""
-    demand[:] = e.remainder[ROOT, :ROOT] + bias[:ROOT]
-    compliance[:] = -e.remainder[:ROOT, :ROOT]
+    demand[:ROOT] = e.remainder[ROOT, :ROOT] + bias[:ROOT]
+    compliance[:ROOT, :ROOT] = -e.remainder[:ROOT, :ROOT]
 
 
 @kernel
-def back_substitute(e: EliminationRecord, z: Vector) -> None:
-    """a and μ of z = [λ; 1] (7,), from the root to the tips."""
+def eliminate_limit(e: EliminationRecord, n: int, row: Vector) -> None:
+    """The right-hand side of limit n, after :func:`eliminate`: a row (nv,) of a quantity ``row``
+    a.
+    """
+    side, rows = e.limit_sides[n], e.limit_rows[n]
+    side[:] = row
+    rows[:] = 0.0
+    for k in range(e.depth.shape[0] - 1, -1, -1):
+        d, limb, here = e.depth[k], e.limb[k], side[k]
+        side[k] = e.inverse_pivot[k] * here
+        if limb >= 0:
+            first, last = e.first_row[limb], e.first_row[limb + 1]
+            for r in range(first, last):
+                if e.path[e.row_end[r], d] == k:
+                    rows[r] -= side[k] * e.rows[r, SIDES + d]
+        for i in range(d):
+            side[e.path[k, i]] -= here * e.matrix[k, SIDES + i]
+        if d == ROOT and limb >= 0:
+            schur, own = e.schur[first:last, : last - first], rows[first:last]
+            solve_transposed(schur, own.reshape((last - first, 1)), 1)
+            for r in range(first, last):
+                side[:ROOT] += rows[r] * e.rows[r, SIDES : SIDES + ROOT]
+
+
+@kernel
+def limit_equation(e: EliminationRecord, n: int, compliance: Vector, demand: Vector) -> None:
+    """Row and column of K, and entry of w, of limit n; ``demand`` is without its bias."""
+    side, rows, at = e.limit_sides[n], e.limit_rows[n], ROOT + n
+    entry = np.zeros(SIDES)
+    for k in range(side.shape[0]):
+        entry -= side[k] / e.inverse_pivot[k] * e.matrix[k, :SIDES]
+    for r in range(rows.shape[0]):
+        entry += rows[r] * e.rows[r, :SIDES]
+    demand[at] = entry[ROOT]
+    compliance[at, :ROOT] = -entry[:ROOT]
+    compliance[:ROOT, at] = -entry[:ROOT]
+    for other in range(n + 1):
+        total = 0.0
+        for k in range(side.shape[0]):
+            total += side[k] / e.inverse_pivot[k] * e.limit_sides[other, k]
+        for r in range(rows.shape[0]):
+            total -= rows[r] * e.limit_rows[other, r]
+        compliance[at, ROOT + other] = total
+        compliance[ROOT + other, at] = total
+
+
+@kernel
+def back_substitute(e: EliminationRecord, z: Vector, limits: Vector) -> None:
+    """a and μ of z = [λ; 1] (7,) and the multipliers of limits, from the root to the tips."""
     for k in range(e.depth.shape[0]):
         d, limb, pull = e.depth[k], e.limb[k], 0.0
         if limb >= 0:
@@ -153,11 +202,15 @@ def back_substitute(e: EliminationRecord, z: Vector) -> None:
                 mu = e.multiplier[first:last]
                 mu[:] = e.rows[first:last, :SIDES] @ z
                 mu += e.rows[first:last, SIDES : SIDES + ROOT] @ e.acceleration[:ROOT]
+                for n in range(limits.shape[0]):
+                    mu += limits[n] * e.limit_rows[n, first:last]
                 solve_factor(e.schur[first:last, : last - first], mu.reshape((last - first, 1)), 1)
             for r in range(first, last):
                 if e.path[e.row_end[r], d] == k:
                     pull += e.rows[r, SIDES + d] * e.multiplier[r]
         pull = e.inverse_pivot[k] * pull + e.matrix[k, :SIDES] @ z
+        for n in range(limits.shape[0]):
+            pull += limits[n] * e.limit_sides[n, k]
         for i in range(d):
             pull += e.matrix[k, SIDES + i] * e.acceleration[e.path[k, i]]
         e.acceleration[k] = -pull

@@ -7,8 +7,11 @@ the optimum is the root of
 
     F(λ) = Σ_k G_k Π_k(G_kᵀ λ / ε) + K λ − w = 0,    f_k = Π_k(G_kᵀ λ / ε)
 
-Thrusts are forces with intervals as cones and a weight of their own. F is the gradient of a
-strictly convex function: K is positive definite, and Π_k is the gradient of a convex one (Moreau).
+Thrusts are forces with intervals as cones and a weight of their own. Where forces f* are planned,
+the cost is ½ ε ‖f − f*‖², and f_k = Π_k(f*_k + G_kᵀ λ / ε). A limit that binds adds one unknown to
+λ, a row and a column to K, an entry to w, and a column to every G_kᵀ
+(:mod:`harpy_pin.wbc.tree.limits`). F is the gradient of a strictly convex function: K is positive
+definite, and Π_k is the gradient of a convex one (Moreau).
 So the root is unique, and Newton's method with a search along each step descends to it. F is linear
 as long as no force changes its piece of a cone's surface: a whole step without such a change ends
 at the root itself.
@@ -41,6 +44,10 @@ SOFTER, SOFT_STEPS, LAST_STEPS = 1e5, 8, 40
 """Factor on ε to begin with, steps with each weight on the way down by tens, and at the true
 weight.
 """
+MOVES = 12
+"""Proximal steps of limits, at most."""
+SETTLED = 1e-8
+"""How far s₀ may be from s, and how far limits may yield, relative to 1 + the size of s."""
 EXACT = 1e-12
 """Residual, relative to the terms of the equation, that is rounding."""
 SLOPE = 0.1
@@ -52,36 +59,48 @@ MIN_PIVOT = 1e-14
 
 
 class NewtonRecord(RecordOf):
-    """The equation in λ, and its root."""
+    """The equation in λ, and its root: six unknowns, and one for each limit that binds."""
 
-    compliance: Vector = sized(6, 6)  # K
-    demand: Vector = sized(6)  # w
-    soft: Vector = sized(6, 6)  # K with the tasks of momentum in it
-    target: Vector = sized(6)  # w with them
+    limits: int = ZERO  # how many bind
+    compliance: Vector = sized("6 + joints", "6 + joints")  # K
+    demand: Vector = sized("6 + joints")  # w
+    soft: Vector = sized("6 + joints", "6 + joints")  # K with the tasks of momentum in it
+    target: Vector = sized("6 + joints")  # w with them
     momentum_map: Vector = sized(6, 6)  # X
     momentum_target: Vector = sized(6)  # h
     momentum_weight: Vector = sized(6)  # V
-    force_map: Vector = sized(
-        "3 feet", 6
-    )  # Gᵀ of the contact forces, in the axes of their contacts
+    momentum_work: Vector = sized(6, "7 + joints")
+    # Gᵀ of the contact forces, in the axes of their contacts
+    force_map: Vector = sized("3 feet", "6 + joints")
     held: Vector = sized("feet", fill=1.0)  # 1 for a force that acts
     friction: Vector = sized("feet")  # of the faces
     force_range: Vector = sized("feet", 2)  # N
     faces: Vector  # (n, 3) see :func:`~harpy_pin.wbc.tree.cones.project`
     force_weight: float  # ε
-    thrust_map: Vector = sized("thrusts", 6)  # Gᵀ of the thrusts
+    planned: Vector = sized("3 feet")  # f* in the axes of the contacts, N
+    thrust_map: Vector = sized("thrusts", "6 + joints")  # Gᵀ of the thrusts
     thrust_weight: float
     thrust_range: Vector  # (thrusts, 2) N
-    multiplier: Vector = sized(6)  # λ of the last tick, where the next one begins
-    residual: Vector = sized(6)  # F
-    step: Vector = sized(6)
-    start: Vector = sized(6)
-    matrix: Vector = sized(6, 6)  # derivative of F
+    limit_range: Vector = sized("joints", 2)  # of each quantity at a limit
+    limit_weight: Vector = sized("joints", fill=1.0)  # ε_s
+    limit_centre: Vector = sized("joints")  # s₀
+    limit_yield: Vector = sized("joints")  # δ to begin with
+    yielding: float = 1.0  # share of it that is left
+    limit_last: Vector = sized("joints")  # ν₀
+    multiplier: Vector = sized("6 + joints")  # λ of the last tick, where the next one begins
+    residual: Vector = sized("6 + joints")  # F
+    step: Vector = sized("6 + joints")
+    start: Vector = sized("6 + joints")
+    matrix: Vector = sized("6 + joints", "6 + joints")  # derivative of F
     force: Vector = sized("3 feet")  # f in the axes of the contacts, N
     thrust: Vector = sized("thrusts")  # N
+    limited: Vector = sized("joints")  # each quantity at a limit
     derivative: Vector = sized("feet", 3, 3)  # of Π_k
+    turned: Vector = sized(3, "6 + joints")  # Π_k' G_kᵀ
     piece: NDArray[np.int64] = sized("feet", whole=True)
     thrust_piece: NDArray[np.int64] = sized("thrusts", whole=True)
+    # of each quantity at a limit: 0 within its range, 1 at the lower end, 2 at the upper one
+    limit_piece: NDArray[np.int64] = sized("joints", whole=True)
     steps: int = ZERO  # of the last tick
 
 
@@ -92,6 +111,43 @@ def find_forces(n: NewtonRecord) -> bool:
     n.steps = 0
     if not all_finite(n.target):
         return False
+    n.yielding = 1.0
+    if n.limits == 0:
+        return _find_root(n)
+    found = _descend(n, 1.0, STEPS)
+    if not found:
+        n.multiplier[:] = 0.0
+        n.limit_last[:] = 0.0
+    for _ in range(MOVES):
+        if not found:
+            found = _descend(n, 1.0, LAST_STEPS)
+        settled = move_limits(n)
+        if found and settled:
+            return True
+        found = False
+    return False
+
+
+@kernel
+def move_limits(n: NewtonRecord) -> bool:
+    """s₀ and ν₀ of all limits to where s and ν are; whether they were there."""
+    settled = True
+    for k in range(n.limits):
+        s, nu = n.limited[k], n.multiplier[6 + k]
+        gap = n.yielding * n.limit_yield[k] * abs(nu - n.limit_last[k])
+        if n.limit_piece[k] == 0:
+            gap += abs(s - n.limit_centre[k])
+            n.limit_centre[k] = s
+            n.multiplier[6 + k] = 0.0
+        settled = settled and gap <= SETTLED * (1.0 + abs(s))
+        n.limit_last[k] = n.multiplier[6 + k]
+    n.yielding *= 0.1
+    return settled
+
+
+@kernel
+def _find_root(n: NewtonRecord) -> bool:
+    """The root; where Newton's steps do not suffice, by forces of a larger weight."""
     found = _descend(n, 1.0, STEPS)
     if not found:
         n.multiplier[:] = 0.0
@@ -104,39 +160,45 @@ def find_forces(n: NewtonRecord) -> bool:
 
 
 @kernel
-def multiplier_of_forces(n: NewtonRecord, multiplier: Vector) -> None:
-    """λ = K⁻¹ (w − G f): with it the root's equations hold for the forces at hand, whichever they
-    are.
+def root_multiplier(n: NewtonRecord, multiplier: Vector) -> None:
+    """λ (6,) of the root: with it the root's equations hold for the forces and the multipliers of
+    limits at hand, whichever they are.
     """
-    multiplier[:] = n.demand - n.force_map.T @ n.force
+    multiplier[:] = n.demand[:6] - n.force_map[:, :6].T @ n.force
     if n.thrust.shape[0] > 0:
-        multiplier -= n.thrust_map.T @ n.thrust
-    factorise(n.compliance, n.matrix, MIN_PIVOT * _largest(n.compliance))
-    solve_vector(n.matrix, multiplier)
+        multiplier -= n.thrust_map[:, :6].T @ n.thrust
+    for i in range(6, 6 + n.limits):
+        multiplier -= n.multiplier[i] * n.compliance[i, :6]
+    matrix = n.matrix[:6, :6]
+    factorise(n.compliance[:6, :6], matrix, MIN_PIVOT * _largest(n.compliance))
+    solve_vector(matrix, multiplier)
 
 
 @kernel
 def add_momentum(n: NewtonRecord) -> None:
     """``soft`` and ``target``: K and w with the tasks of momentum in them."""
-    n.soft[:] = n.compliance
-    n.target[:] = n.demand
+    s = 6 + n.limits
+    n.soft[:s, :s] = n.compliance[:s, :s]
+    n.target[:s] = n.demand[:s]
+    n.target[s:] = 0.0
     if np.max(n.momentum_weight) == 0.0:
         return
-    schur, right = np.empty((6, 6)), np.empty((6, 7))
-    right[:, :6] = n.momentum_map @ n.compliance
-    right[:, 6] = n.momentum_target - n.momentum_map @ n.demand
+    schur, right = np.empty((6, 6)), n.momentum_work[:, : s + 1]
+    right[:, :s] = n.momentum_map @ n.compliance[:6, :s]
+    right[:, s] = n.momentum_target - n.momentum_map @ n.demand[:6]
     schur[:] = right[:, :6] @ n.momentum_map.T
     for i in range(6):
         schur[i, i] += 1.0 / max(n.momentum_weight[i], 1e-30)
     factorise(schur, schur)
-    solve_transposed(schur, right, 7)
-    n.soft -= right[:, :6].T @ right[:, :6]
-    n.target += right[:, :6].T @ right[:, 6]
+    solve_transposed(schur, right, s + 1)
+    for i in range(s):
+        n.soft[i, :s] -= right[:, i] @ right[:, :s]
+        n.target[i] += right[:, i] @ right[:, s]
 
 
 @kernel
 def _largest(matrix: Vector) -> float:
-    """Largest entry of the diagonal (6, 6)."""
+    """Largest of the first six entries of the diagonal."""
     largest = 0.0
     for i in range(6):
         largest = max(largest, matrix[i, i])
@@ -148,19 +210,22 @@ def _descend(n: NewtonRecord, softer: float, most: int) -> bool:
     """Newton's steps from ``multiplier``, with the weight of the forces times ``softer``; whether
     the root is found.
     """
+    s = 6 + n.limits
+    multiplier, step, residual = n.multiplier[:s], n.step[:s], n.residual[:s]
     _evaluate(n, softer)
     for _ in range(most):
-        size = np.max(abs(n.target)) + np.max(abs(n.soft @ n.multiplier))
-        if np.max(abs(n.residual)) <= EXACT * size:
+        n.start[:s] = n.soft[:s, :s] @ multiplier
+        size = np.max(abs(n.target[:s])) + np.max(abs(n.start[:s]))
+        if np.max(abs(residual)) <= EXACT * size:
             return True
         n.steps += 1
         _newton_step(n, softer)
-        n.start[:] = n.multiplier
-        slope = n.step @ n.residual
-        n.multiplier[:] = n.start + n.step
+        n.start[:s] = multiplier
+        slope = step @ residual
+        multiplier[:] = n.start[:s] + step
         if _evaluate(n, softer) == 0:
             return True
-        if n.step @ n.residual > -SLOPE * slope:
+        if step @ residual > -SLOPE * slope:
             _search_along(n, softer, slope)
     return False
 
@@ -170,44 +235,62 @@ def _evaluate(n: NewtonRecord, softer: float) -> int:
     """Forces and residual at ``multiplier``; how many forces are on another piece of their cone
     than before.
     """
-    changed = 0
-    n.residual[:] = n.soft @ n.multiplier - n.target
+    s, changed = 6 + n.limits, 0
+    multiplier, residual = n.multiplier[:s], n.residual[:s]
+    residual[:] = n.soft[:s, :s] @ multiplier - n.target[:s]
     for k in range(n.held.shape[0]):
         if n.held[k] != 0.0:
-            pull, force = n.force_map[3 * k : 3 * k + 3], n.force[3 * k : 3 * k + 3]
-            g = pull @ n.multiplier / (softer * n.force_weight)
+            pull, force = n.force_map[3 * k : 3 * k + 3, :s], n.force[3 * k : 3 * k + 3]
+            g = pull @ multiplier / (softer * n.force_weight) + n.planned[3 * k : 3 * k + 3]
             lower, upper = n.force_range[k]
             piece = project(g, n.friction[k], lower, upper, n.faces, force, n.derivative[k])
             changed += 1 if piece != n.piece[k] else 0
             n.piece[k] = piece
-            n.residual += pull.T @ force
+            residual += pull.T @ force
         else:
             n.force[3 * k : 3 * k + 3] = 0.0
     for k in range(n.thrust.shape[0]):
-        g = n.thrust_map[k] @ n.multiplier / (softer * n.thrust_weight)
+        g = n.thrust_map[k, :s] @ multiplier / (softer * n.thrust_weight)
         lower, upper = n.thrust_range[k]
         piece = 1 if g < lower else 2 if g > upper else 0
         changed += 1 if piece != n.thrust_piece[k] else 0
         n.thrust_piece[k], n.thrust[k] = piece, min(max(g, lower), upper)
-        n.residual += n.thrust[k] * n.thrust_map[k]
+        residual += n.thrust[k] * n.thrust_map[k, :s]
+    for k in range(n.limits):
+        g = n.limit_centre[k] + multiplier[6 + k] / (softer * n.limit_weight[k])
+        lower, upper = n.limit_range[k]
+        piece = 1 if g < lower else 2 if g > upper else 0
+        changed += 1 if piece != n.limit_piece[k] else 0
+        n.limit_piece[k], n.limited[k] = piece, min(max(g, lower), upper)
+        away = multiplier[6 + k] - n.limit_last[k]
+        residual[6 + k] += n.limited[k] + n.yielding * n.limit_yield[k] * away
     return changed
 
 
 @kernel
 def _newton_step(n: NewtonRecord, softer: float) -> None:
     """``step`` = −(K + Σ G_k Π_k' G_kᵀ / ε)⁻¹ F."""
-    n.matrix[:] = n.soft
+    s = 6 + n.limits
+    matrix, turned, step = n.matrix[:s, :s], n.turned[:, :s], n.step[:s]
+    matrix[:] = n.soft[:s, :s]
     for k in range(n.held.shape[0]):
         if n.held[k] != 0.0:
-            pull = n.force_map[3 * k : 3 * k + 3]
-            turned = n.derivative[k] @ pull
-            n.matrix += (pull.T @ turned) / (softer * n.force_weight)
+            pull = n.force_map[3 * k : 3 * k + 3, :s]
+            turned[:] = n.derivative[k] @ pull / (softer * n.force_weight)
+            for i in range(s):
+                matrix[i] += pull[:, i] @ turned
     for k in range(n.thrust.shape[0]):
         if n.thrust_piece[k] == 0:
-            n.matrix += np.outer(n.thrust_map[k], n.thrust_map[k]) / (softer * n.thrust_weight)
-    factorise(n.matrix, n.matrix, MIN_PIVOT * _largest(n.matrix))
-    n.step[:] = -n.residual
-    solve_vector(n.matrix, n.step)
+            for i in range(s):
+                share = n.thrust_map[k, i] / (softer * n.thrust_weight)
+                matrix[i] += share * n.thrust_map[k, :s]
+    for k in range(n.limits):
+        matrix[6 + k, 6 + k] += n.yielding * n.limit_yield[k]
+        if n.limit_piece[k] == 0:
+            matrix[6 + k, 6 + k] += 1.0 / (softer * n.limit_weight[k])
+    factorise(matrix, matrix, MIN_PIVOT * _largest(matrix))
+    step[:] = -n.residual[:s]
+    solve_vector(matrix, step)
 
 
 @kernel
@@ -215,12 +298,14 @@ def _search_along(n: NewtonRecord, softer: float, slope: float) -> None:
     """Go back to where the slope step · F, which grows along the step, is nearly zero (regula
     falsi, Illinois).
     """
-    low, high, below, above = 0.0, 1.0, slope, np.dot(n.step, n.residual)
+    s = 6 + n.limits
+    step, residual = n.step[:s], n.residual[:s]
+    low, high, below, above = 0.0, 1.0, slope, np.dot(step, residual)
     for cut in range(CUTS):
         share = low - below * (high - low) / (above - below) if cut < 7 else 0.5 * (low + high)
-        n.multiplier[:] = n.start + share * n.step
+        n.multiplier[:s] = n.start[:s] + share * step
         _evaluate(n, softer)
-        here = np.dot(n.step, n.residual)
+        here = np.dot(step, residual)
         if abs(here) <= -SLOPE * slope:
             return
         if here < 0.0:

@@ -16,7 +16,15 @@ from harpy_pin.wbc.tree.elimination import (
     eliminate,
     root_equations,
 )
-from harpy_pin.wbc.tree.newton import NewtonRecord, find_forces, multiplier_of_forces
+from harpy_pin.wbc.tree.limits import (
+    ROUNDS,
+    LimitsRecord,
+    add_violated,
+    begin_limits,
+    joint_ends,
+    within_limits,
+)
+from harpy_pin.wbc.tree.newton import NewtonRecord, find_forces, root_multiplier
 from harpy_pin.wbc.tree.tasks import (
     ContactsRecord,
     FrameTasksRecord,
@@ -42,6 +50,7 @@ class WholeBodyRecord(RecordOf):
     contacts: ContactsRecord
     system: EliminationRecord
     newton: NewtonRecord
+    limits: LimitsRecord
     regularisation: Vector  # (nv,) weight of the square of each acceleration
     columns: Vector = sized(7)  # z = [λ; 1]
     acceleration: Vector = sized("nv")
@@ -50,12 +59,13 @@ class WholeBodyRecord(RecordOf):
     thrust: Vector = sized("thrusts")
     world_force: Vector = sized("3 feet")
     joint_torque: Vector = sized("joints")
+    reference_force: Vector = sized("3 feet")  # planned, world axes, N
 
 
 @kernel(v="r.regularisation")
 def solve_whole_body(r: WholeBodyRecord, q: Vector, v: Vector) -> int:
     """One optimum, of the state q (nq,), v (nv,): terms, tasks, elimination, forces, motion,
-    torques.
+    torques; again with the limits that these violate.
     """
     d, e, n = r.dynamics, r.system, r.newton
     verdict = update_terms(d, q, v)
@@ -65,17 +75,31 @@ def solve_whole_body(r: WholeBodyRecord, q: Vector, v: Vector) -> int:
     assemble(r, q, v)
     eliminate(e)
     root_equations(e, d.bias, n.compliance, n.demand)
-    found = find_forces(n)
-    multiplier_of_forces(n, r.columns[:6])
-    r.columns[6] = 1.0
-    back_substitute(e, r.columns)
-    joint_torques(r)
+    joint_ends(r.limits, q, v)
+    begin_limits(r.limits, d, e, r.contacts, n)
+    found, more = False, True
+    for _ in range(ROUNDS):
+        if more:
+            found = find_forces(n)
+            move(r)
+            more = add_violated(r.limits, d, e, r.contacts, n, r.joint_torque)
+    found = within_limits(r.limits, r.joint_torque) and found
     if verdict != GOOD or not (all_finite(e.acceleration) and all_finite(r.joint_torque)):
         n.multiplier[:] = 0.0
+        n.limits = 0
         return INVALID
     r.acceleration[:], r.torque[:] = e.acceleration, r.joint_torque
     r.force[:], r.thrust[:] = r.world_force, n.thrust
     return OPTIMAL if found else SUBOPTIMAL
+
+
+@kernel
+def move(r: WholeBodyRecord) -> None:
+    """Accelerations and torques of the forces that were found."""
+    root_multiplier(r.newton, r.columns[:ROOT])
+    r.columns[ROOT] = 1.0
+    back_substitute(r.system, r.columns, r.newton.multiplier[ROOT : ROOT + r.newton.limits])
+    joint_torques(r)
 
 
 @kernel
@@ -91,7 +115,7 @@ def assemble(r: WholeBodyRecord, q: Vector, v: Vector) -> None:
         add_frame(d, e, r.frames, n, q)
     for k in range(r.contacts.held.shape[0]):
         add_contact(d, e, r.frames, r.contacts, k)
-    contact_forces_map(d, r.contacts, r.newton)
+    contact_forces_map(d, r.contacts, r.newton, r.reference_force)
     momentum_rows(d, r.momentum, r.newton, q, v)
 
 

@@ -198,13 +198,15 @@ def add_contact(
 
 
 @kernel
-def contact_forces_map(d: DynamicsRecord, c: ContactsRecord, n: NewtonRecord) -> None:
-    """Gᵀ of contact forces, in the axes of their contacts, and of thrusts."""
+def contact_forces_map(
+    d: DynamicsRecord, c: ContactsRecord, n: NewtonRecord, planned: Vector
+) -> None:
+    """Gᵀ of contact forces and their plan, in the axes of their contacts, and Gᵀ of thrusts."""
     for k in range(c.held.shape[0]):
         for point in range(c.first_point[k], c.first_point[k + 1]):
             first = 3 * point
             n.held[point] = c.held[k]
-            n.force_map[first : first + 3] = (
-                c.frame[point].T @ d.foot_jacobian[first : first + 3, :6]
-            )
-    n.thrust_map[:] = d.thruster_jacobian[:, :6]
+            axes = c.frame[point].T
+            n.force_map[first : first + 3, :6] = axes @ d.foot_jacobian[first : first + 3, :6]
+            n.planned[first : first + 3] = axes @ planned[first : first + 3]
+    n.thrust_map[:, :6] = d.thruster_jacobian[:, :6]

@@ -21,6 +21,7 @@ from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import State, Vector
 from harpy_pin.wbc.tasks.task import CentreOfMassTask, FrameTask, JointTask, MomentumTask
 from harpy_pin.wbc.tree.elimination import ROOT, EliminationRecord
+from harpy_pin.wbc.tree.limits import LimitsRecord
 from harpy_pin.wbc.tree.newton import NewtonRecord
 from harpy_pin.wbc.tree.solve import WRONG_SHAPE, WholeBodyRecord, solve_whole_body
 from harpy_pin.wbc.tree.tasks import (
@@ -84,7 +85,16 @@ class WholeBodySolution:
         self.status = WholeBodyStatus.INVALID
 
 
-@fixed_arrays("held", "contact_acceleration", "contact_frame", "friction", "force_range", "record")
+@fixed_arrays(
+    "held",
+    "contact_acceleration",
+    "contact_frame",
+    "friction",
+    "force_range",
+    "reference_force",
+    "torque_range",
+    "record",
+)
 class WholeBodySolver:
     """The whole-body optimum of any robot with a free base: any limbs, tasks and contacts.
 
@@ -98,7 +108,10 @@ class WholeBodySolver:
         robot: any.
         tasks: each with its weight, one number or one for each row. Frames, joints, one centre of
             mass, one angular momentum.
-        limits: friction of the ground, faces of the pyramids, largest thrusts.
+        limits: friction of the ground, faces of the pyramids, largest thrusts, share of the motors'
+            peak torques.
+        period: of the ticks, s: with it joints keep the ranges of their positions and velocities.
+        deceleration: of which every joint is capable, rad/s²: so early it brakes before its end.
         contact_damping: of the velocity of a foot on the ground, 1/s.
         regularisation: weight of the square of each acceleration, besides all tasks: where no task
             says anything.
@@ -115,6 +128,9 @@ class WholeBodySolver:
             normal. Friction and range of its force are in them. Upright to begin with.
         friction: (feet,) slope of the pyramids' faces.
         force_range: (feet, 2) least and largest normal force of each contact point that is held, N.
+        reference_force: (feet, 3) of a plan, from which differences are weighed, world axes, N;
+            zero to begin with.
+        torque_range: (joints, 2) least and largest torque of each joint, N·m.
         weights: of each task, an array with one for each of its rows; it may be overwritten in
             place.
         solution: of the last solve.
@@ -134,6 +150,8 @@ class WholeBodySolver:
         tasks: Mapping[AnyTask, ArrayLike],
         *,
         limits: WholeBodyLimits | None = None,
+        period: float | None = None,
+        deceleration: float = 100.0,
         contact_damping: float = 20.0,
         regularisation: float = 1e-4,
         force_weight: float | None = None,
@@ -147,6 +165,8 @@ class WholeBodySolver:
             "regularisation": checks.number("regularisation", regularisation, low=0.0, strict=True),
             "force_weight": FORCE_WEIGHT / robot.mass**2 if force_weight is None else force_weight,
             "thrust_weight": checks.number("thrust_weight", thrust_weight, low=0.0, strict=True),
+            "deceleration": checks.number("deceleration", deceleration, low=0.0, strict=True),
+            "period": checks.number("period", period or 0.0, low=0.0),
         }
         checks.number("force_weight", settings["force_weight"], low=0.0, strict=True)
         self.record = _record(robot, _known(tasks), limits, settings)
@@ -157,6 +177,8 @@ class WholeBodySolver:
         self.contact_frame: Vector = field(self._record_["contacts"], "frame")
         self.friction: Vector = field(self._record_["newton"], "friction")
         self.force_range: Vector = field(self._record_["newton"], "force_range")
+        self.reference_force: Vector = field(self._record_, "reference_force").reshape(-1, 3)
+        self.torque_range: Vector = field(self._record_["limits"], "torque_range")
         self._adopt(tasks)
 
     def solve(self, state: State) -> WholeBodySolution:
@@ -286,7 +308,31 @@ def _record(
         ),
         system=system,
         newton=newton,
+        limits=_limits(robot, sizes, limits, settings),
         regularisation=np.full(model.nv, settings["regularisation"]),
+    )
+
+
+def _limits(
+    robot: Robot, sizes: Mapping[str, int], limits: WholeBodyLimits, settings: dict[str, float]
+) -> Records[LimitsRecord]:
+    """A new :class:`LimitsRecord`; velocities and positions are not limited without a period."""
+    model, torque = robot.model, limits.torque_scale * robot.torque_limit
+    joints = [model.joints[model.getJointId(name)] for name in robot.joints]
+    ends = np.full((len(joints), 2), (-np.inf, np.inf))
+    for joint, end in zip(joints, ends, strict=True):
+        if joint.nq == 1:
+            end[:] = model.lowerPositionLimit[joint.idx_q], model.upperPositionLimit[joint.idx_q]
+    return make_record(
+        LimitsRecord,
+        sizes,
+        torque_range=np.column_stack((-torque, torque)),
+        acceleration_range=np.full((len(joints), 2), (-np.inf, np.inf)),
+        place=np.array([joint.idx_q for joint in joints], dtype=np.int64),
+        position_range=ends,
+        velocity_limit=model.velocityLimit[ROOT:],
+        period=settings["period"],
+        deceleration=settings["deceleration"],
     )
 
 
@@ -334,7 +380,7 @@ def _system(
     ]
     system = make_record(
         EliminationRecord,
-        {"nv": len(depth), "width": path.shape[1], "rows": len(row_end)},
+        {**robot.sizes, "nv": len(depth), "width": path.shape[1], "rows": len(row_end)},
         depth=depth,
         path=path,
         limb=np.array(on, dtype=np.int64),

@@ -1,0 +1,185 @@
+"""Limits of the joints: torques within those of the motors, and motion that stays within the range.
+
+A limit is the range of a quantity x a + n − J_xᵀ f that is linear in accelerations and forces: of
+a torque x is the joint's row of the mass matrix, of an acceleration a unit vector, without n and
+forces. Only limits that the optimum without them violates enter it. Each is one unknown ν more:
+with the quantity s in its range and a cost ½ ε_s (s − s₀)²,
+
+    s = clip(s₀ + ν / ε_s),    x a + n − J_xᵀ f = s
+
+so it enters the equation in λ as a thrust does (:mod:`harpy_pin.wbc.tree.newton`), and the
+elimination as a right-hand side. Contacts may fix a torque, so that its ν has no compliance in K.
+So it yields by δ (ν − ν₀), and s₀ and ν₀ move to where s and ν are until both terms are nothing:
+the proximal point method. A range of an acceleration yields by ``COMPLIANCE`` times ν too: a joint
+whose motor is too weak to stop passes its end.
+
+**Ends of a joint.** An acceleration of the period h is such that the joint keeps its largest
+velocity, does not pass its end, and can still stop before it at the deceleration d:
+
+    v + h a ≤ v_max,    v + h a ≤ √(2 d r),    r = q_max − ⅛ d h² − q − h v − ½ h² a
+
+(Del Prete, Joint position and velocity bounds in discrete-time acceleration/torque control of robot
+arms, 2018). The second one is quadratic in v + h a. A joint that stops within a period goes up to ⅛
+d h² farther than one that brakes steadily.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from harpy_pin.kernels import kernel
+from harpy_pin.model.dynamics import DynamicsRecord
+from harpy_pin.model.record import RecordOf, sized
+from harpy_pin.model.state import Vector
+from harpy_pin.wbc.tree.elimination import ROOT, EliminationRecord, eliminate_limit, limit_equation
+from harpy_pin.wbc.tree.newton import NewtonRecord
+from harpy_pin.wbc.tree.tasks import ContactsRecord
+
+ROUNDS = 8
+"""How often limits that are violated enter, at most."""
+LIGHT, ACCELERATION_WEIGHT = 0.03, 1e-6
+"""ε_s of torques, in weights of the square of a force, and of accelerations."""
+YIELD = 0.1
+"""δ to begin with, relative to the compliance of forces and motion to the limit's multiplier."""
+COMPLIANCE = 1e-6
+"""By which a range of an acceleration yields, as that of contacts."""
+BEYOND = 1e-9
+"""How far a quantity must be beyond its range to be a violation, relative to 1 + the limit."""
+
+
+class LimitsRecord(RecordOf):
+    """Ranges of torques and accelerations, and which of them bind."""
+
+    torque_range: Vector  # (joints, 2) N m
+    acceleration_range: Vector  # (joints, 2) of the last tick, rad/s²
+    place: NDArray[np.int64]  # (joints,) of each joint in q
+    position_range: Vector  # (joints, 2) rad; infinite for joints that turn without end
+    velocity_limit: Vector  # (joints,) rad/s
+    period: float  # of the ticks, s; zero where accelerations are not limited
+    deceleration: float  # that every joint is capable of, rad/s²
+    # of each limit in the equation: the joint's number, and for accelerations the number of joints
+    # more
+    bound: NDArray[np.int64] = sized("joints", whole=True)
+    row: Vector = sized("nv")
+
+
+@kernel
+def joint_ends(m: LimitsRecord, q: Vector, v: Vector) -> None:
+    """``acceleration_range`` at a state."""
+    h, d = m.period, m.deceleration
+    if h == 0.0:
+        return
+    for j in range(m.place.shape[0]):
+        for end in range(2):
+            sign = 1.0 if end == 1 else -1.0
+            speed = sign * v[ROOT + j]
+            room = sign * (m.position_range[j, end] - q[m.place[j]]) - 0.125 * d * h * h
+            # u = v + h a: u² + d h u − d (2 room − h v) ≤ 0 for u ≥ 0
+            reach = 0.25 * d * d * h * h + d * (2.0 * room - h * speed)
+            fastest = np.sqrt(max(reach, 0.0)) - 0.5 * d * h
+            fastest = min(max(fastest, 0.0), m.velocity_limit[j])
+            # with a velocity that is too large already, as fast as it is capable of
+            m.acceleration_range[j, end] = sign * max((fastest - speed) / h, -d)
+
+
+@kernel
+def begin_limits(
+    m: LimitsRecord, d: DynamicsRecord, e: EliminationRecord, c: ContactsRecord, n: NewtonRecord
+) -> None:
+    """The limits at which the last tick ended, again."""
+    last, joints = n.limits, m.place.shape[0]
+    n.limits = 0
+    for k in range(last):
+        bound, end = m.bound[k], n.limit_piece[k]
+        if end == 0:
+            continue
+        is_torque = bound < joints
+        limit = m.torque_range[bound] if is_torque else m.acceleration_range[bound - joints]
+        if abs(limit[end - 1]) < np.inf:
+            n.multiplier[ROOT + n.limits] = n.multiplier[ROOT + k]
+            add_limit(m, d, e, c, n, bound, end)
+
+
+@kernel
+def add_limit(
+    m: LimitsRecord,
+    d: DynamicsRecord,
+    e: EliminationRecord,
+    c: ContactsRecord,
+    n: NewtonRecord,
+    bound: int,
+    end: int,
+) -> None:
+    """A limit into the elimination and the equation, at its lower end, 1, or its upper one, 2."""
+    joints, k, at = m.place.shape[0], n.limits, ROOT + n.limits
+    m.bound[k] = bound
+    is_torque = bound < joints
+    j = bound if is_torque else bound - joints
+    if is_torque:
+        m.row[:] = d.mass_matrix[ROOT + j]
+    else:
+        m.row[:] = 0.0
+        m.row[ROOT + j] = 1.0
+    eliminate_limit(e, k, m.row)
+    limit_equation(e, k, n.compliance, n.demand)
+    if is_torque:
+        n.demand[at] += d.bias[ROOT + j]
+        n.limit_range[k] = m.torque_range[j]
+        n.limit_weight[k] = LIGHT * n.force_weight
+    else:
+        n.compliance[at, at] += COMPLIANCE
+        n.limit_range[k] = m.acceleration_range[j]
+        n.limit_weight[k] = ACCELERATION_WEIGHT
+    for p in range(n.held.shape[0]):
+        column = d.foot_jacobian[3 * p : 3 * p + 3, ROOT + j]
+        n.force_map[3 * p : 3 * p + 3, at] = (1.0 if is_torque else 0.0) * (c.frame[p].T @ column)
+    for p in range(n.thrust.shape[0]):
+        n.thrust_map[p, at] = d.thruster_jacobian[p, ROOT + j] if is_torque else 0.0
+    column = n.force_map[:, at]
+    n.limit_piece[k] = end
+    n.limit_centre[k] = n.limit_range[k, end - 1]
+    n.limit_last[k] = n.multiplier[at]
+    n.limit_yield[k] = YIELD * (n.compliance[at, at] + column @ column / n.force_weight)
+    n.limits += 1
+
+
+@kernel
+def add_violated(
+    m: LimitsRecord,
+    d: DynamicsRecord,
+    e: EliminationRecord,
+    c: ContactsRecord,
+    n: NewtonRecord,
+    torque: Vector,
+) -> bool:
+    """The limits that torques (joints,) and accelerations violate; whether there are any."""
+    joints, before = m.place.shape[0], n.limits
+    for bound in range(2 * joints):
+        j = bound % joints
+        value = torque[j] if bound < joints else e.acceleration[ROOT + j]
+        lower, upper = m.torque_range[j] if bound < joints else m.acceleration_range[j]
+        end = 0
+        if value < lower - BEYOND * (1.0 + abs(lower)):
+            end = 1
+        elif value > upper + BEYOND * (1.0 + abs(upper)):
+            end = 2
+        known = n.limits == joints
+        for k in range(before):
+            known = known or m.bound[k] == bound
+        if end != 0 and not known:
+            n.multiplier[ROOT + n.limits] = 0.0
+            add_limit(m, d, e, c, n, bound, end)
+    return n.limits > before
+
+
+@kernel
+def within_limits(m: LimitsRecord, torque: Vector) -> bool:
+    """Whether torques (joints,) were within their ranges, to rounding; now they are."""
+    within = True
+    for j in range(torque.shape[0]):
+        lower, upper = m.torque_range[j]
+        within = within and lower - 1e-6 * (1.0 + abs(lower)) <= torque[j]
+        within = within and torque[j] <= upper + 1e-6 * (1.0 + abs(upper))
+        torque[j] = min(max(torque[j], lower), upper)
+    return within
