@@ -20,7 +20,6 @@ from harpy_pin.gaits.walking.footholds import _keep_in_reach
 from harpy_pin.gaits.walking.pendulum import CREEP, NEAR, STRAIGHT_NEAR, UPRIGHT_END, upright_end
 from harpy_pin.gaits.walking.swinging import SETTLE
 from harpy_pin.gaits.walking.walking_gait import LOW
-from harpy_pin.model.legs import legs
 
 
 def go2():
@@ -167,34 +166,6 @@ def test_no_foothold_stretches_a_leg(name, higher):
             along = place - np.array((thigh[0], axis[1], thigh[2]))
             length = np.sqrt(along @ along - build.beside[k] ** 2)
             assert length < 0.99 * build.leg
-
-
-@needs_robots
-@pytest.mark.parametrize("name", ["a1", "go2", "laikago"])
-def test_feet_land_where_knees_are_within_their_range(name):
-    robot = hp.load_robot(name)
-    gait = hp.WalkingGait(robot)
-    model, data, build = robot.model, robot.model.createData(), gait._build
-    posture, _ = gait.initial_state()
-    for foot, leg in zip(robot.feet, legs(robot), strict=True):
-        hip, knee = leg.below_hip
-        place = model.joints[knee].idx_q
-        lengths = []
-        for end in (model.lowerPositionLimit[place], model.upperPositionLimit[place]):
-            q = posture.copy()
-            q[place] = end
-            pin.framesForwardKinematics(model, data, q)
-            reached = data.oMf[robot.frame_id(foot)].translation
-            lengths.append(np.linalg.norm(reached - data.oMi[hip].translation))
-        assert max(lengths) < 0.98 * build.leg  # its knee cannot be straight
-        assert np.hypot(build.reach, build.hip) <= max(lengths) + 1e-9
-
-
-@needs_robots
-def test_go2_is_turned_round_at_a_large_speed_aside():
-    gait = hp.Walking(velocity=((0.2, 0.9, 0.9, 0.5), (2.0, -0.9, -0.9, -0.5)))
-    run = hp.walk(hp.Scenario(robot="go2", gait=gait, controller=hp.Condensed(), duration=6.0))
-    assert run.ending == "completed"
 
 
 @needs_robots

@@ -46,8 +46,8 @@ BEYOND, MOST_BEYOND = 0.5, 0.5
 farthest such point, in heights of the body: the turning of body, torso and arms pays for it.
 """
 AHEAD, LOW_RATE = 0.1, 20.0
-"""How far ahead legs must not be stretched, s, and the rate at which the body goes down where one
-would be, 1/s.
+"""How far ahead legs on soles must not be stretched, s, and the rate at which the body goes down
+where one would be, 1/s.
 """
 
 
@@ -141,7 +141,7 @@ def write_targets(p: WalkingRecord, o: GaitTargetRecord) -> None:
     o.body[8] = HEIGHT_GAINS[0] * (height - m.body[2]) + HEIGHT_GAINS[1] * (
         p.velocity[3] - m.body[5]
     )
-    if p.hip > 0.0:  # not of two feet on points
+    if p.soles:
         stretched = _stretched_height(p)
         if stretched < height:
             o.body[8] = min(
@@ -164,14 +164,11 @@ def write_targets(p: WalkingRecord, o: GaitTargetRecord) -> None:
 @kernel
 def _stretched_height(p: WalkingRecord) -> float:
     """Height of the body at which the first of the stance legs will be stretched, m."""
-    m, least, aside = p.measured, np.inf, rotation_in_plane(p.measured.heading)[:, 1]
+    m, least = p.measured, np.inf
     for k in range(p.group.shape[0]):
         if p.in_air[k] == 0.0:
-            way = m.place[k, :2] - hip_place(p, k, AHEAD)
-            beside = (way @ aside) * p.beside[k]  # as in footholds
-            square = max(
-                float(p.reach**2 + p.hip**2 - way @ way - 2.0 * beside), 0.25 * p.hip * p.hip
-            )
+            way = hip_place(p, k, AHEAD) - m.place[k, :2]
+            square = max(float(p.reach**2 + p.hip**2 - way @ way), 0.25 * p.hip * p.hip)
             least = min(least, p.height - p.hip + m.place[k, 2] + np.sqrt(square))
     return float(least)
 

@@ -18,7 +18,7 @@ from harpy_pin.errors import InputError
 from harpy_pin.gaits.fitting import GRAVITY, leg_length
 from harpy_pin.gaits.velocity import warn_maker
 from harpy_pin.gaits.walking.pendulum import NEAR, STRAIGHT_NEAR, UPRIGHT_END, toward, upright_end
-from harpy_pin.model.legs import Leg, legs
+from harpy_pin.model.legs import legs
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
 
@@ -87,8 +87,6 @@ ITERATIONS = 6
 """Iterations of the inverse kinematics at each of them, from the one before."""
 SMALL = 1e-6
 """Regularises it where a leg is stretched, m²."""
-ANGLES = 33
-"""Angles of a knee over its range."""
 HALVINGS = 7
 """How often the range of speeds is halved."""
 
@@ -183,11 +181,9 @@ def build_of(robot: Robot, q: Vector) -> Build:
     place = np.array([point[foot == k].mean(axis=0) for k in range(len(robot.corners))])
     inertia = pin.crba(model, data, q)
     lengths, hips, knees, swings, beside = [], [], [], [], np.zeros(len(robot.corners))
-    bent, stretched = (SOLE_BENT, SOLE_STRETCHED) if robot.flat_feet else (BENT, STRETCHED)
     for k, leg in enumerate(legs(robot)):
         points = [*(data.oMi[j].translation - q[:3] for j in leg.below_hip), place[k]]
         lengths.append(sum(float(np.linalg.norm(b - a)) for a, b in pairwise(points)))
-        stretched = min(stretched, _most_stretched(robot, q, leg))
         knees.append(model.effortLimit[model.joints[leg.joints[leg.knee]].idx_v])
         hips.append(float(points[0][2] - place[k, 2]))
         if len(robot.corners) > 2 and leg.knee > 1:
@@ -201,6 +197,7 @@ def build_of(robot: Robot, q: Vector) -> Build:
             )
             swings.append(arm * model.effortLimit[column] / float(inertia[column, column]))
     length, hip = min(lengths), max(hips)
+    bent, stretched = (SOLE_BENT, SOLE_STRETCHED) if robot.flat_feet else (BENT, STRETCHED)
     lower = max(
         hip - bent * length, 0.0
     )  # than the posture, where its legs would be almost stretched
@@ -237,26 +234,6 @@ def build_of(robot: Robot, q: Vector) -> Build:
         narrow,
         sole,
     )
-
-
-def _most_stretched(robot: Robot, q: Vector, leg: Leg) -> float:
-    """Distance from the hip to what follows the knee, where the knee is as straight as its range
-    lets it, over that of a straight one.
-    """
-    model, data, turned = robot.model, robot.model.createData(), q.copy()
-    above, knee, *below = leg.below_hip
-    place = model.joints[knee].idx_q
-    lower, upper = model.lowerPositionLimit[place], model.upperPositionLimit[place]
-    if model.joints[knee].nq != 1 or not np.isfinite(upper - lower):
-        return 1.0
-    most = 0.0
-    for turned[place] in np.linspace(lower, upper, ANGLES):
-        pin.framesForwardKinematics(model, data, turned)
-        end = data.oMi[below[0]] if below else data.oMf[robot.frame_id(leg.points[0])]
-        a, b, c = (part.translation for part in (data.oMi[above], data.oMi[knee], end))
-        straight = np.linalg.norm(b - a) + np.linalg.norm(c - b)
-        most = max(most, float(np.linalg.norm(c - a) / straight))
-    return most
 
 
 def _reactions(robot: Robot, q: Vector, rise: float) -> Vector:
