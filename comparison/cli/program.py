@@ -10,7 +10,7 @@ from typing import Any
 
 import typer
 
-from comparison.cli.commands import campaign, peers, public, recorded, tune, whole
+from comparison.cli.commands import campaign, peers, tune, whole
 from comparison.cli.results import results
 from comparison.cli.studies import STUDIES, command_of
 from harpy_pin.cli.ending import one_line_errors, stopping
@@ -22,9 +22,7 @@ app = typer.Typer(
     rich_markup_mode=None,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-_MISSING = " and ".join(
-    repr(name) for name in ("pandas", "jinja2", "qpsolvers") if find_spec(name) is None
-)
+_MISSING = " and ".join(repr(name) for name in ("pandas", "jinja2") if find_spec(name) is None)
 _HINT = f"the comparison needs {_MISSING}: {install_line('compare')}" if _MISSING else ""
 
 
@@ -48,8 +46,6 @@ app.callback(invoke_without_command=True, epilog=_HINT or f"{_EXAMPLE} --quick -
 _COMMANDS: dict[Callable[..., None], str] = {
     campaign: "campaign --quick --out campaign.jsonl",
     peers: "peers --install && python -m comparison peers --json peers.json",
-    public: "public --data clones --json public.json",
-    recorded: "recorded --data clones --json recorded.json",
     **{
         command_of(study): f"{name} {study.example or f'--json {name}.json'}"
         for name, study in STUDIES.items()

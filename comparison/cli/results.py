@@ -16,7 +16,6 @@ from comparison.campaign.summary import summary_tables, variants_table
 from comparison.campaign.walks import exceptions_table
 from comparison.cli.studies import STUDIES
 from comparison.peers.compare import peer_tables
-from comparison.public.cassie import recorded_tables
 from comparison.report.claims import paper_tables
 from comparison.report.html import tables_of
 from comparison.report.pages import filled
@@ -38,8 +37,6 @@ SEARCHES: Mapping[str, str] = {
     "tune": "tune --budget 48 --train 20 --judge 40 --duration 4",
     "tune_damped": "tune --budget 48 --train 20 --judge 40 --duration 4 --joint-damping 5",
 }
-CLONED: Mapping[str, str] = {name: f"{name} --data out/clones" for name in ("public", "recorded")}
-"""Commands that read clones of other people's repositories."""
 DRAWN: Mapping[str, str] = {
     "assumption": "assumption",
     "causes": "causes",
@@ -55,11 +52,11 @@ _COMPARED: Mapping[str, str] = {
     "peers": "peers",
     **CAMPAIGNS,
     **SEARCHES,
-    **CLONED,
     **{
         name: f"{name} --figure docs/images/{DRAWN[name]}.png" if name in DRAWN else name
         for name in STUDIES
     },
+    "recorded": "recorded --data out/clones",
     "worlds": f"worlds --clones out/clones --figure docs/images/{DRAWN['worlds']}.png",
 }
 SOURCES: Mapping[str, str] = {
@@ -70,8 +67,6 @@ SOURCES: Mapping[str, str] = {
 
 FOLDERS = ("comparison", "paper")
 """Sources whose ``--out`` is a folder; of the others it is a file of what is finished."""
-WITHOUT_OUT = ("peers", *CLONED)
-"""Sources without ``--out``."""
 
 
 def tables_from(source: str, document: Mapping[str, Any]) -> list[Table]:
@@ -82,13 +77,9 @@ def tables_from(source: str, document: Mapping[str, Any]) -> list[Table]:
         return [variants_table(document), exceptions_table(document), *summary_tables(document)]
     if source in SEARCHES:
         return tuning_tables(document)
-    if source == "public":
-        from comparison.public.study import public_tables  # needs an extra
-
-        return public_tables(document)
     if source == "peers":
         return peer_tables(document["peers"])
-    make = {"comparison": tables_of, "paper": paper_tables, "recorded": recorded_tables}[source]
+    make = {"comparison": tables_of, "paper": paper_tables}[source]
     return make(document)
 
 
@@ -111,8 +102,7 @@ def results(
     Above each table a comment says from which command it comes, and which rows and columns it
     shows. A source that is named is measured, and its tables are recorded in docs/results. Without
     one, pages are filled from what is recorded. All together take some hours; "embedded", "peers"
-    and "worlds" need what their own help says, "public", "recorded" and "worlds" clones in
-    out/clones.
+    and "worlds" need what their own help says, "recorded" and "worlds" clones in out/clones.
     """
     for source in sources or ():
         checks.one_of("source", source, SOURCES)
@@ -164,7 +154,7 @@ def measured(source: str, data: Path, folder: Path = FOLDER) -> bool:
     path, words = data.resolve() / f"{source}.json", SOURCES[source].split()
     if not path.exists():
         kept = path.with_suffix("" if source in FOLDERS else ".jsonl")
-        out = [] if source in WITHOUT_OUT else ["--out", str(kept)]
+        out = [] if source == "peers" else ["--out", str(kept)]
         typer.echo(f"python -m {' '.join(words)}", err=True)
         how = [sys.executable, "-m", *words, *out, "--json", str(path)]
         if subprocess.run(how, stdout=subprocess.DEVNULL, cwd=ROOT, check=False).returncode != 0:

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from comparison.cli.program import app
-from comparison.public import cassie
+from comparison.studies import recorded as cassie
 from harpy_pin.errors import InputError
 
 SAMPLES = cassie.BEGIN + 400

@@ -36,8 +36,6 @@ WORK = (
     "reproduction.gait.optimise.optimise_gait",
     "comparison.cli.commands.compare",
     "comparison.cli.commands.compare_peers",
-    "comparison.public.study.measure_public",
-    "comparison.public.cassie.estimate_log",
     "comparison.cli.commands._install",
     "comparison.cli.commands.run_campaign",
     "comparison.cli.commands.search_settings",

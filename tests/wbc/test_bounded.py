@@ -12,7 +12,13 @@ from scipy.optimize import linprog
 
 import harpy_pin as hp
 from harpy_pin.controllers import WholeBodyController, WholeBodyParameters
-from harpy_pin.wbc import WholeBodyTargets, WholeBodyWeights, make_problem, make_solver
+from harpy_pin.wbc import (
+    QuadraticProgram,
+    WholeBodyTargets,
+    WholeBodyWeights,
+    make_problem,
+    make_solver,
+)
 from harpy_pin.wbc.active_set_warm_start import SYSTEM, WORK, DualActiveSet
 from harpy_pin.wbc.condensed.active_set import EXCHANGES
 
@@ -160,6 +166,32 @@ def test_dual_method_is_exact_and_proves_infeasibility(robot, fuzz, formulation)
             if infeasible <= 50:
                 assert not feasible(program)
     assert infeasible > 100 * fuzz
+
+
+def test_the_dual_method_finds_the_optimum_of_any_strictly_convex_program():
+    """Variables with and without bounds, rows that are active, and an equality that is there
+    twice.
+    """
+    rng = np.random.default_rng(3)
+    for _ in range(60):
+        n = int(rng.integers(3, 9))
+        program = QuadraticProgram(n, equalities=3, inequalities=2 * n, bounded=n)
+        inside, root = rng.standard_normal((2, n, n))
+        program.hessian[:] = root @ root.T + 0.1 * np.eye(n)
+        program.gradient[:] = 3.0 * rng.standard_normal(n)
+        program.equality[:2] = rng.standard_normal((2, n))
+        program.equality[2] = program.equality[0]
+        program.equality_value[:] = program.equality @ inside[0]
+        program.inequality[n:] = rng.standard_normal((2 * n, n))
+        program.upper[n:] = program.inequality[n:] @ inside[0] + 0.2 * (rng.random(2 * n) < 0.5)
+        program.lower[:n] = np.where(rng.random(n) < 0.5, program.lower[:n], inside[0] - 0.3)
+        program.upper[:n] = np.where(rng.random(n) < 0.5, program.upper[:n], inside[0] + 0.3)
+        solution = DualActiveSet(program).solve(program)
+        assert solution.usable
+        assert_optimal(program, solution.z)
+    program.inequality[-2], program.inequality[-1] = np.eye(n)[0], -np.eye(n)[0]
+    program.upper[-2:] = -1.0
+    assert not DualActiveSet(program).solve(program).usable
 
 
 def test_a_solver_that_gives_up_is_followed_by_the_dual_method(robot):

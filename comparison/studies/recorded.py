@@ -1,15 +1,15 @@
-"""The estimator on a log that its authors recorded: Cassie walks in their simulation.
+"""Estimate the state on a log that no one here recorded.
 
-Hartley et al. (IJRR 2020) published it with their contact-aided invariant Kalman filter: samples of
-the inertial unit, fourteen encoders and two contacts at 2 kHz, and the true pose. The sensors'
-noise is added here, as in their example.
+Reads clones of Contact-Aided-Invariant-EKF and cassie_description (UMich-BipedLab): Cassie walks
+ten seconds in the simulation of the filter's authors (Hartley et al., IJRR 2020), felt by an
+inertial unit, fourteen encoders and two contacts at 2 kHz. The sensors' noise is added here, as in
+their example.
 """
 
 from __future__ import annotations
 
 import re
 import warnings
-from collections.abc import Mapping
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -18,7 +18,7 @@ import numpy as np
 import pinocchio as pin
 
 import harpy_pin as hp
-from comparison.tables import Cell, Table
+from comparison.study import Job, Shown, Study, View, shown
 from harpy_pin.errors import HarpyError, InputError, install_line
 from harpy_pin.estimation import EstimatorSettings
 from harpy_pin.log.drift import off
@@ -188,15 +188,34 @@ def _truth(
     return q, v
 
 
-def recorded_tables(found: Mapping[str, Any]) -> list[Table]:
-    """The table of the log's estimate."""
-    columns = {
-        "drift": ("drift", "%"),
-        "path": ("trajectory_mm", "mm"),
-        "velocity": ("velocity_cm_s", "cm/s"),
-    }
-    columns |= {"tilt": ("tilt_deg", "°"), "way": ("way_m", "m"), "status": ("status", "")}
-    cells = tuple(
-        Cell("Cassie", column, found[name], unit) for column, (name, unit) in columns.items()
-    )
-    return [Table("recorded", "On the log of others", cells, "As of python -m comparison senses.")]
+def _measured(job: Job) -> dict[str, Any]:
+    return estimate_log(Path(job["data"]))
+
+
+_COLUMNS: dict[str, Shown] = {
+    "drift": (shown("drift"), "%"),
+    "path": (shown("trajectory_mm"), "mm"),
+    "velocity": (shown("velocity_cm_s"), "cm/s"),
+    "tilt": (shown("tilt_deg"), "°"),
+    "way": (shown("way_m"), "m"),
+    "status": shown("status"),
+}
+STUDY = Study(
+    name="recorded",
+    help=__doc__,
+    example="--data clones --json recorded.json",
+    defaults={"data": "out/clones"},
+    quick={},
+    options={"data": "Folder with your clones of the repositories."},
+    timed=lambda s: [{"data": s.data}],
+    measure=_measured,
+    views=[
+        View(
+            "recorded",
+            "On the log of others",
+            row="Cassie",
+            columns=_COLUMNS,
+            note="As of python -m comparison senses.",
+        )
+    ],
+)

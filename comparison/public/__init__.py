@@ -1,1 +1,0 @@
-"""Problems, models and motions that other people published, read from clones that the user made."""
