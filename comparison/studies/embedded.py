@@ -20,7 +20,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from comparison.measure.daqp_c import daqp_count, daqp_source
-from comparison.measure.exchange_bound import search_bound
 from comparison.peers.environment import default_folder
 from comparison.study import Job, Study, View, grid, shown
 from harpy_pin import HarpyError, Push, Robot
@@ -34,10 +33,8 @@ from harpy_pin.export.recording import CONTROLLERS, Recording, answers, ready, r
 from harpy_pin.gaits.gait import GaitTargetRecord
 from harpy_pin.kernels import kernel
 from harpy_pin.model.entry import GOOD
-from harpy_pin.model.record import Record
 from harpy_pin.model.source import loaded_robot
 from harpy_pin.model.state import Vector
-from harpy_pin.wbc.condensed.active_set import EXCHANGES
 from harpy_pin.wbc.input_space import build_inputs
 
 LABELS = {
@@ -49,10 +46,6 @@ LABELS = {
 }
 FRICTION = {"harpy": 0.25}
 OTHERS_FRICTION = 0.5
-WEAK = 0.2
-"""Share of the motors' torque that the condensed controller has where the dearest tick is looked
-for.
-"""
 SAME = "condensed"
 """Whose walk gives the states that are the same for all controllers."""
 WALK = 10.0
@@ -148,9 +141,6 @@ def _measured(job: Job) -> dict[str, Any]:
         "ram": ram if ours else None,
         "stack": max(found.stack for found in every),
         "equal": not any(found.different for found in every) if ours else None,
-        "bound": _bound(case, job["chip"], job["level"])
-        if case.controller in ("condensed", "wbc")
-        else None,
     }
 
 
@@ -178,43 +168,6 @@ def _exported(case: Case) -> tuple[list[Path], int]:
         if daqp:
             daqp_count(folder, folder.name, what)
     return folders, ram
-
-
-@cache
-def _weak(case: Case) -> tuple[list[Path], list[tuple[Record, ...]]]:
-    """Folders with its C for both walks, of motors so weak that its larger program is solved; and
-    what it searches.
-    """
-    what, condensed = _what(case), case.controller == "condensed"
-    record = what.record.copy()
-    if condensed:
-        for name in ("torque_limit", "input_lower", "input_upper"):
-            record["condensed"][name][..., -len(what.robot.joints) :] *= WEAK
-    weak = replace(what, record=record)
-    folders = [case.write(weak, walk, "weak")[0] for walk in dict.fromkeys((case.kind, SAME))]
-    places = (
-        [record["condensed"][0][name] for name in ("free", "limited")] if condensed else [record[0]]
-    )
-    parts = ("program", "exchange" if condensed else "search", "dual")
-    return folders, [
-        tuple(np.array([place[name]], place[name].dtype) for name in parts) for place in places
-    ]
-
-
-def _bound(case: Case, chip: str, level: str) -> int:
-    """An upper end of a tick: its searches' own (:mod:`comparison.measure.exchange_bound`), and the
-    rest.
-
-    The rest is at most the worst tick that was counted, of the condensed controller with motors so
-    weak that it always enters the larger program, with thrusts and torques as unknowns, too.
-    """
-    folders, searches = _weak(case)
-    rest = max(
-        int(measure(f, "weak", CHIPS[chip], flags=[level]).instructions.max()) for f in folders
-    )
-    systems = EXCHANGES if case.controller == "condensed" else 2 * EXCHANGES
-    how: dict[str, Any] = {"single": case.precision == "float", "level": level, "systems": systems}
-    return rest + sum(search_bound(records, folders[0], chip, **how) for records in searches)
 
 
 def _difference(case: Case, states: int) -> dict[str, Any]:
@@ -279,7 +232,6 @@ _COUNT: dict[str, Any] = {
     "own walk, worst": shown("worst"),
     "same states, median": shown("same_median"),
     "same states, worst": shown("same_worst"),
-    "bound": shown("bound"),
 }
 _STATES = (
     "On the walk of each controller, and on the same states for all: those of the condensed "
@@ -328,11 +280,8 @@ STUDY = Study(
             ),
             columns=_COUNT | _MEMORY | {"stack": (shown("stack"), "B"), "equal": shown("equal")},
             note=_STATES
-            + "Counted in QEMU; an instruction takes a cycle or more. The bound is the most that a "
-            "tick can take: "
-            "exchanges allowed times the dearest exchange, and the rest of the dearest tick. "
-            "Equal: every command is "
-            "that of this machine, in every bit.",
+            + "Counted in QEMU; an instruction takes a cycle or more. Equal: every command is that "
+            "of this machine, in every bit.",
             only=lambda row: row["chip"] is not None,
         ),
         View(
