@@ -11,11 +11,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from harpy_pin.controllers import GovernedParameters, WholeBodyParameters
-from harpy_pin.controllers.named_controllers import GOVERNORS
-from harpy_pin.gaits import make_gait
-from harpy_pin.governors import ContactForceFilterParameters, PaperGovernorParameters
-from harpy_pin.model.robot import load_harpy
+import harpy_pin as hp
 from harpy_pin.scenario import CONTROLLER_PARTS, ControllerPart, Governed
 from harpy_pin.scenario.parts import read_part
 from harpy_pin.wbc import SOLVERS
@@ -104,17 +100,17 @@ OWN_PART: Mapping[str, Any] = {"name": "wbc", "parameters": {"solver": "active_s
 
 
 @cache
-def published_parameters() -> WholeBodyParameters:
+def published_parameters() -> hp.controllers.WholeBodyParameters:
     """Settings of the whole-body controllers for Harpy's straight walk."""
-    return WholeBodyParameters.for_gait(make_gait(load_harpy()))
+    return hp.controllers.WholeBodyParameters.for_gait(hp.make_gait(hp.load_harpy()))
 
 
 _PUBLISHED: Mapping[tuple[str, str], Callable[[], Any]] = {
-    ("governed", "parameters"): GovernedParameters,
+    ("governed", "parameters"): hp.controllers.GovernedParameters,
     ("wbc", "parameters"): published_parameters,
     ("condensed", "parameters"): published_parameters,
-    ("paper", "governor_parameters"): PaperGovernorParameters,
-    ("filter", "governor_parameters"): ContactForceFilterParameters,
+    ("paper", "governor_parameters"): hp.governors.PaperGovernorParameters,
+    ("filter", "governor_parameters"): hp.ContactForceFilterParameters,
 }
 
 
@@ -241,7 +237,13 @@ BEST = "paper/best"
 found best.
 """
 
-CONTENDERS = (*(f"governed/{name}" for name in GOVERNORS), BEST, "condensed", OWN, "wbc")
+CONTENDERS = (
+    *(f"governed/{name}" for name in hp.controllers.GOVERNORS),
+    BEST,
+    "condensed",
+    OWN,
+    "wbc",
+)
 """Controllers and governors to compare, in the order in which they are shown."""
 
 WALKERS = tuple(name for name in CONTENDERS if name != "wbc")

@@ -15,12 +15,10 @@ from typing import Any, NamedTuple, TypeVar
 import numpy as np
 
 import harpy_pin
+import harpy_pin as hp
 from comparison.contenders import CONTENDERS, FORCES, HARSH, TRUSTING, TUNED, TUNED_FILE
 from harpy_pin import checks
-from harpy_pin.ground.ground import Ground
 from harpy_pin.log.run import describe_versions
-from harpy_pin.model.robot import harpy_urdf
-from harpy_pin.scenario import Compliant, Mujoco, PlantPart, Straight
 from harpy_pin.simulation.mujoco import installed_version
 
 WALKING = (
@@ -36,10 +34,10 @@ WALKING = (
 JOINT_DAMPING = 0.1
 """Of every joint of the packaged robot, N·m·s/rad; the authors' own model has 5."""
 
-ENGINES: dict[str, PlantPart] = {
-    "compliant": Compliant(),
-    "mujoco": Mujoco(),
-    "mujoco default": Mujoco("default"),
+ENGINES: dict[str, hp.scenario.PlantPart] = {
+    "compliant": hp.scenario.Compliant(),
+    "mujoco": hp.Mujoco(),
+    "mujoco default": hp.Mujoco("default"),
 }
 """In which walks are walked; the last one has MuJoCo's default contact, whatever the ground's
 stiffness.
@@ -75,11 +73,11 @@ FACTORS = {
     "noise": Factor("noises", "measurement noise", "noise × {:g}", 0.0),
     "delay": Factor("delays", "delay of the measurements", "delay {:g} ms", 0.0, 1e3),
     "stiffness": Factor(
-        "stiffnesses", "stiffness of the ground", "ground {:g} kN/m", Ground.stiffness, 1e-3
+        "stiffnesses", "stiffness of the ground", "ground {:g} kN/m", hp.Ground.stiffness, 1e-3
     ),
     "damping": Factor("dampings", "damping of the ground", "damping × {:g}", 1.0),
-    "plant": Factor("plants", "engine", "", Compliant.name),
-    "speed": Factor("speeds", "speed", "speed {:g} m/s", Straight().speed),
+    "plant": Factor("plants", "engine", "", hp.scenario.Compliant.name),
+    "speed": Factor("speeds", "speed", "speed {:g} m/s", hp.Straight().speed),
     "ice": Factor("ices", "strip of ice", "ice, μ {:g}", 0.0, zero="no ice"),
     "joint_damping": Factor(
         "joint_dampings", "damping of the joints", "joint damping {:g}", JOINT_DAMPING
@@ -129,10 +127,10 @@ class CampaignSettings:
     friction_errors: tuple[float, ...] = (-0.3, 0.0, 0.3)
     noises: tuple[float, ...] = (0.0,)
     delays: tuple[float, ...] = (0.0,)
-    stiffnesses: tuple[float, ...] = (Ground.stiffness,)
+    stiffnesses: tuple[float, ...] = (hp.Ground.stiffness,)
     dampings: tuple[float, ...] = (1.0,)
-    plants: tuple[str, ...] = (Compliant.name,)
-    speeds: tuple[float, ...] = (Straight().speed,)
+    plants: tuple[str, ...] = (hp.scenario.Compliant.name,)
+    speeds: tuple[float, ...] = (hp.Straight().speed,)
     ices: tuple[float, ...] = (0.0,)
     joint_dampings: tuple[float, ...] = (JOINT_DAMPING,)
     torque_shares: tuple[float, ...] = (0.0,)
@@ -299,7 +297,7 @@ def code_digest() -> str:
     total = hashlib.sha256()
     for name, path in sorted(code_files().items()):
         total.update(name.encode() + b"\0" + path.read_bytes())
-    total.update(harpy_urdf().read_bytes() + TUNED_FILE.read_bytes())
+    total.update(hp.model.harpy_urdf().read_bytes() + TUNED_FILE.read_bytes())
     versions = {k: v for k, v in describe_versions().items() if k != "machine"} | {
         "mujoco": installed_version()
     }

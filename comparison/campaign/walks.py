@@ -17,6 +17,7 @@ from typing import Any
 
 import numpy as np
 
+import harpy_pin as hp
 from comparison.campaign.plan import (
     ENGINES,
     FACTORS,
@@ -32,24 +33,9 @@ from comparison.campaign.summary import WHOLE_BODY, summarise_rows
 from comparison.contenders import controller_part, label
 from comparison.measure.walking import ALONE, Progress, silent, walk_as_far_as_it_goes
 from comparison.tables import Cell, Table, number_text
-from harpy_pin import (
-    Actuators,
-    Disturbances,
-    Ground,
-    Scenario,
-    Straight,
-    load_harpy,
-    make_gait,
-    measure,
-)
 from harpy_pin.errors import HarpyError, install_line
 from harpy_pin.files import finite
-from harpy_pin.gaits import StraightGait
-from harpy_pin.model.robot import harpy_urdf
-from harpy_pin.scenario import ControllerPart, Governed, Mujoco
 from harpy_pin.simulation.mujoco import installed_version
-from harpy_pin.simulation.push import Push
-from harpy_pin.simulation.sensors import Noise
 
 MEASURES = (
     "fell",
@@ -81,7 +67,7 @@ def walk_task(task: Task) -> dict[str, Any]:
         controller that fails counts as a fall at that moment.
     """
     run = walk_as_far_as_it_goes(scenario(task))
-    measures, fell = measure(run).as_dict(), run.ending != "completed"
+    measures, fell = hp.measure(run).as_dict(), run.ending != "completed"
     row: dict[str, Any] = {name: measures[name] for name in MEASURES}
     return row | {
         "fell": fell,
@@ -90,7 +76,7 @@ def walk_task(task: Task) -> dict[str, Any]:
     }
 
 
-def scenario(task: Task) -> Scenario:
+def scenario(task: Task) -> hp.Scenario:
     """The scenario of a task."""
     gait = _gait()
     rng = np.random.default_rng(task.seed)
@@ -100,21 +86,21 @@ def scenario(task: Task) -> Scenario:
     ice = (
         ((begin, end, min(task.ice, task.friction)),) if task.ice else ()
     )  # no less slippery than what is beside it
-    ground = Ground(mu_s=task.friction, stiffness=task.stiffness, friction_strips=ice)
+    ground = hp.Ground(mu_s=task.friction, stiffness=task.stiffness, friction_strips=ice)
     assert ground.damping is not None
-    return Scenario(
+    return hp.Scenario(
         ground=replace(ground, damping=task.damping * ground.damping),
         plant=ENGINES[task.plant],
-        gait=Straight(speed=task.speed),
+        gait=hp.Straight(speed=task.speed),
         controller=_controller(task),
-        disturbances=Disturbances(
+        disturbances=hp.Disturbances(
             mass_error=task.mass_error,
             start_velocity=(*start, 0.0, 0.0, 0.0, 0.0),
             pushes=(push,) if task.push > 0.0 else (),
-            noise=Noise.typical(task.noise),
+            noise=hp.Noise.typical(task.noise),
             delay=task.delay,
             seed=task.seed,
-            actuators=Actuators(
+            actuators=hp.Actuators(
                 torque_share=task.torque_share or None, bandwidth=task.bandwidth or None
             ),
         ),
@@ -123,12 +109,12 @@ def scenario(task: Task) -> Scenario:
     )
 
 
-def _controller(task: Task) -> ControllerPart:
+def _controller(task: Task) -> hp.scenario.ControllerPart:
     """The controller of a task, which knows the torque limits where there are any."""
     part = controller_part(task.contender, mu=task.friction * (1.0 + task.friction_error))
     if task.torque_share == 0.0:
         return part
-    if isinstance(part, Governed):
+    if isinstance(part, hp.Governed):
         return replace(part, limits=True)
     limits = {**part.parameters.get("limits", {}), "torque_scale": task.torque_share}
     return replace(part, parameters={**part.parameters, "limits": limits})
@@ -144,14 +130,16 @@ def damped_harpy(joint_damping: float) -> str:
     the process ends.
     """
     text = re.sub(
-        r'damping="[^"]*"', f'damping="{joint_damping:g}"', harpy_urdf().read_text(encoding="utf-8")
+        r'damping="[^"]*"',
+        f'damping="{joint_damping:g}"',
+        hp.model.harpy_urdf().read_text(encoding="utf-8"),
     )
     path = Path(_folder().name) / f"{joint_damping:g}.urdf"
     path.write_text(text, encoding="utf-8")
     return str(path)
 
 
-def draw_push(task: Task, gait: StraightGait, rng: np.random.Generator) -> Push:
+def draw_push(task: Task, gait: hp.gaits.StraightGait, rng: np.random.Generator) -> hp.Push:
     """The lateral push of a task: its side and its step are drawn; its middle is the middle of
     single support.
 
@@ -161,13 +149,13 @@ def draw_push(task: Task, gait: StraightGait, rng: np.random.Generator) -> Push:
     last = max(int(task.duration / step) - 2, 2)
     index, side = int(rng.integers(1, last)), float(rng.choice((-1.0, 1.0)))
     middle = step * (index + 0.5 * (1.0 + gait.double_support))
-    return Push(middle - 0.5 * duration, (0.0, side * task.push, 0.0), duration)
+    return hp.Push(middle - 0.5 * duration, (0.0, side * task.push, 0.0), duration)
 
 
 @cache
-def _gait() -> StraightGait:
+def _gait() -> hp.gaits.StraightGait:
     """A gait of the scenarios, for the times of its steps: they are the same at every speed."""
-    return make_gait(load_harpy())
+    return hp.make_gait(hp.load_harpy())
 
 
 def run_campaign(
@@ -196,7 +184,7 @@ def execute(tasks: Sequence[Task], store: Store, *, progress: Progress = silent)
     planned = {task.key(code): task for task in tasks}
     missing = [task for key, task in planned.items() if key not in store.rows]
     if installed_version() is None and any(
-        isinstance(ENGINES[task.plant], Mujoco) for task in missing
+        isinstance(ENGINES[task.plant], hp.Mujoco) for task in missing
     ):
         raise HarpyError(
             f"some of the walks are in MuJoCo, which is not installed: {install_line('mujoco')}"

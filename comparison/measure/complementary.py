@@ -13,8 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
-from harpy_pin.log.run import Run
-from harpy_pin.model.robot import Robot
+import harpy_pin as hp
 from harpy_pin.model.state import Vector
 
 GRAVITY = 9.81
@@ -31,7 +30,9 @@ class Gains:
     height: float = 10.0
 
 
-def complementary(run: Run, robot: Robot, gains: Gains | None = None) -> tuple[Vector, Vector]:
+def complementary(
+    run: hp.Run, robot: hp.Robot, gains: Gains | None = None
+) -> tuple[Vector, Vector]:
     """(ticks, nq) configurations and (ticks, nv) velocities by the readings of a run with sensors
     at the body's origin.
 

@@ -15,14 +15,10 @@ from typing import Any
 
 import numpy as np
 
+import harpy_pin as hp
 from comparison.measure.timing import Laps
-from harpy_pin.governors import Governor
-from harpy_pin.log.run import Run
 from harpy_pin.model.record import Record
 from harpy_pin.model.state import Command, State, Vector
-from harpy_pin.scenario.build import Walk
-from harpy_pin.simulation.loop import Controller
-from harpy_pin.wbc import QPSolver, QPStatus, QuadraticProgram, make_solver
 from harpy_pin.wbc.solvers import ProxQPSolver
 
 WBC_PHASES = ("kinematics", "build", "solve", "finish")
@@ -104,12 +100,12 @@ class TimedProxQP(ProxQPSolver):
         spent: what that says of all solves so far, µs.
     """
 
-    def __init__(self, program: QuadraticProgram) -> None:
+    def __init__(self, program: hp.wbc.QuadraticProgram) -> None:
         super().__init__(program)
         self._qp.settings.compute_timings = True
         self.spent = 0.0
 
-    def _attempt(self, program: QuadraticProgram, *, warm: bool) -> QPStatus:
+    def _attempt(self, program: hp.wbc.QuadraticProgram, *, warm: bool) -> hp.wbc.QPStatus:
         status = super()._attempt(program, warm=warm)
         info = self._qp.results.info
         self.spent += info.setup_time + info.solve_time
@@ -124,10 +120,12 @@ class ProxQPReplay(TickReplay):
     not in them.
     """
 
-    def __init__(self, make: Callable[[Callable[[QuadraticProgram], QPSolver]], Any]) -> None:
+    def __init__(
+        self, make: Callable[[Callable[[hp.wbc.QuadraticProgram], hp.wbc.QPSolver]], Any]
+    ) -> None:
         made: list[TimedProxQP] = []
 
-        def solver(program: QuadraticProgram) -> TimedProxQP:
+        def solver(program: hp.wbc.QuadraticProgram) -> TimedProxQP:
             made.append(TimedProxQP(program))
             return made[-1]
 
@@ -171,7 +169,7 @@ class IsolatedGovernor:
         difference: largest difference from the expected x_w so far (m, m/s).
     """
 
-    def __init__(self, governor: Governor, dt: float) -> None:
+    def __init__(self, governor: hp.governors.Governor, dt: float) -> None:
         self.governor, self.dt = governor, dt
         self.laps: Laps = np.zeros(0, dtype=np.int64)
         self.difference = 0.0
@@ -206,9 +204,9 @@ class IsolatedSolver:
         failures: programs of the present sequence that were not solved.
     """
 
-    def __init__(self, program: QuadraticProgram, solver: str) -> None:
+    def __init__(self, program: hp.wbc.QuadraticProgram, solver: str) -> None:
         self.program = program
-        self.solver = make_solver(solver, program)
+        self.solver = hp.wbc.make_solver(solver, program)
 
     def start(self, programs: Record, expected: Vector) -> None:
         """Begin a sequence of programs with a cold solver; ``expected``: their solutions, NaN where
@@ -248,7 +246,7 @@ class _Timed:
         apart: largest difference of the torques, as a share of the largest torque.
     """
 
-    def __init__(self, controller: Any, other: Controller | None) -> None:
+    def __init__(self, controller: Any, other: hp.Controller | None) -> None:
         self._controller, self._other = controller, other
         self.ticks: list[tuple[int, int]] = []
         self.apart: list[float] = []
@@ -268,7 +266,9 @@ class _Timed:
         return command
 
 
-def time_ticks(walk: Walk, other: Controller | None = None) -> tuple[Run, Vector, Vector]:
+def time_ticks(
+    walk: hp.scenario.Walk, other: hp.Controller | None = None
+) -> tuple[hp.Run, Vector, Vector]:
     """Walk with every tick called from Python, and with another controller that is given the same
     states.
 

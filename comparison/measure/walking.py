@@ -20,16 +20,11 @@ from typing import Any, TypeVar
 import numpy as np
 import pinocchio as pin
 
+import harpy_pin as hp
 from comparison.contenders import OWN, controller_part
 from harpy_pin import Disturbances, Ground, Robot, checks, make_gait
-from harpy_pin.errors import ControlError, HarpyError, InputError
 from harpy_pin.files import without_interrupts
-from harpy_pin.log.run import Run
-from harpy_pin.model.dynamics import Dynamics
 from harpy_pin.model.state import State, Vector
-from harpy_pin.scenario import Scenario, walk
-from harpy_pin.simulation.loop import Controller
-from harpy_pin.simulation.push import Push
 
 Progress = Callable[[int, int], None]
 """Called after every piece of work with how many are done, and of how many."""
@@ -83,7 +78,7 @@ def _on_this_machine(
                 found = pool.map(walk, jobs)
             yield from found
         except BrokenProcessPool as error:
-            raise HarpyError(
+            raise hp.HarpyError(
                 "a process that walked was killed; the same command goes on with what is kept"
             ) from error
         finally:
@@ -107,18 +102,18 @@ def grouped(rows: Iterable[dict[str, Any]], *names: str) -> dict[tuple[Any, ...]
 
 
 def walk_as_far_as_it_goes(
-    scenario: Scenario, controller: Callable[..., Controller] | None = None
-) -> Run:
+    scenario: hp.Scenario, controller: Callable[..., hp.Controller] | None = None
+) -> hp.Run:
     """The log of a walk; that of a controller that failed ends at its failure.
 
     Args:
         scenario: what is walked.
         controller: makes another controller than the scenario's, from the gait.
     """
-    return as_far_as_it_goes(partial(walk, scenario, controller=controller))
+    return as_far_as_it_goes(partial(hp.walk, scenario, controller=controller))
 
 
-def as_far_as_it_goes(walked: Callable[[], Run]) -> Run:
+def as_far_as_it_goes(walked: Callable[[], hp.Run]) -> hp.Run:
     """The log of a walk that is ready to begin; that of a controller that failed ends at its
     failure.
     """
@@ -128,10 +123,10 @@ def as_far_as_it_goes(walked: Callable[[], Run]) -> Run:
                 "ignore", "velocity .* is more than the robot walks", UserWarning
             )
             return walked()
-    except ControlError as error:
+    except hp.ControlError as error:
         if error.run is None or len(error.run) == 0:
             raise
-        run: Run = error.run
+        run: hp.Run = error.run
         return run
 
 
@@ -147,13 +142,13 @@ by ProxQP, ``own search`` the same program by this library's own.
 """
 
 
-def scenario_of(name: str, friction: float, **changes: Any) -> Scenario:
+def scenario_of(name: str, friction: float, **changes: Any) -> hp.Scenario:
     """A contender's walk at the gait's default speed.
 
     The name is that of :func:`comparison.contenders.controller_part`; the controller knows the
     ground's static friction coefficient unless changes of the scenario say otherwise.
     """
-    return Scenario(controller=controller_part(name), ground=Ground(mu_s=friction), **changes)
+    return hp.Scenario(controller=controller_part(name), ground=Ground(mu_s=friction), **changes)
 
 
 def make_contender(name: str, robot: Robot, friction: float) -> Any:
@@ -190,7 +185,7 @@ class StateSequence:
         return total.hexdigest()
 
 
-def recorded_walk(name: str, *, friction: float, duration: float, impulse: float = 0.0) -> Run:
+def recorded_walk(name: str, *, friction: float, duration: float, impulse: float = 0.0) -> hp.Run:
     """Walk in closed loop; the log ends early if the robot falls.
 
     Args:
@@ -202,18 +197,19 @@ def recorded_walk(name: str, *, friction: float, duration: float, impulse: float
     """
     times = np.arange(0.6, duration - 0.1, 1.0) if impulse else ()
     pushes = tuple(
-        Push(float(t), (0.0, impulse if k % 2 == 0 else -impulse, 0.0)) for k, t in enumerate(times)
+        hp.Push(float(t), (0.0, impulse if k % 2 == 0 else -impulse, 0.0))
+        for k, t in enumerate(times)
     )
     disturbances = Disturbances(pushes=pushes)
-    return walk(
+    return hp.walk(
         scenario_of(TIMED.get(name, name), friction, duration=duration, disturbances=disturbances)
     )
 
 
-def record_states(name: str, run: Run, *, least: int) -> StateSequence:
+def record_states(name: str, run: hp.Run, *, least: int) -> StateSequence:
     """The states of a walk."""
     if len(run) < least:
-        raise InputError(
+        raise hp.InputError(
             f"the walk of '{name}' {run.ending} after {len(run)} ticks; the timing needs {least} "
             f"(more friction helps)",
             name="friction",
@@ -241,7 +237,7 @@ def sway(
         rate: with which the phase grows, rad/s.
         force: (feet, 3) world axes, N.
     """
-    dynamics = Dynamics(robot)
+    dynamics = hp.Dynamics(robot)
     for k, phase in enumerate(phases):
         q = pin.integrate(robot.model, posture, amplitude * np.sin(phase))
         v = rate * np.cos(phase) * amplitude

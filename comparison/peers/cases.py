@@ -18,10 +18,7 @@ import numpy as np
 import harpy_pin as hp
 from comparison.measure.walking import StateSequence, record_states, recorded_walk
 from comparison.peers.peer_problem import Case, common_program
-from harpy_pin.errors import HarpyError
 from harpy_pin.gaits.fitting import GRAVITY
-from harpy_pin.model.catalogue import CATALOGUE
-from harpy_pin.model.state import State
 
 FRICTION = 0.6
 """Of the ground of all but Harpy."""
@@ -65,7 +62,7 @@ def _stands_on_points(name: str, duration: float, warm_up: int) -> Case:
     """The states of :func:`_stands` on soles, with a point in the middle of each."""
     soles = _standing(hp.load_robot(name))
     q, _ = soles.initial_state()
-    feet = CATALOGUE[name].feet
+    feet = hp.model.CATALOGUE[name].feet
     robot, shift = hp.load_robot(name, feet=feet), SHIFT * soles.over(0)
     gait = hp.Standing(robot, q[7:], shift=shift, shift_period=SHIFT_PERIOD)
     dynamics = hp.Dynamics(robot)
@@ -74,7 +71,7 @@ def _stands_on_points(name: str, duration: float, warm_up: int) -> Case:
         dynamics.update(state.q, state.v)
         force = state.foot_force.reshape(len(feet), -1, 3).sum(axis=1)
         points = dynamics.foot_position.copy(), dynamics.foot_velocity.copy()
-        states.append(State(state.t, state.q, state.v, *points, force))
+        states.append(hp.State(state.t, state.q, state.v, *points, force))
     sequence = StateSequence(name, tuple(states))
     program = common_program(gait, FRICTION, posture=FREE_ANKLES)
     return Case(f"{name} on points, stands", gait, (sequence,), program, warm_up, condensed=False)
@@ -92,7 +89,7 @@ def _walks(name: str, contacts: str, speed: float, duration: float, warm_up: int
     )
 
 
-def is_lifted(robot: hp.Robot, state: State) -> bool:
+def is_lifted(robot: hp.Robot, state: hp.State) -> bool:
     """Whether a foot bears nothing: of a sole, all its corners."""
     load = np.add.reduceat(state.foot_force[:, 2], np.cumsum((0, *robot.corners))[:-1])
     return bool((load <= 0.0).any())
@@ -113,7 +110,7 @@ def _recorded(name: str, gait: hp.Gait, duration: float, least: int, push: float
     )
     run = hp.walk(scenario, gait=gait)
     if run.ending != "completed":
-        raise HarpyError(
+        raise hp.HarpyError(
             f"{name} {run.ending} at {run['t'][-1]:.2f} s: its states are those of no robot that "
             f"walks"
         )

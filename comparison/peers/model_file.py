@@ -15,8 +15,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from harpy_pin.errors import RobotError
-from harpy_pin.model.robot import Robot
+import harpy_pin as hp
 from harpy_pin.model.state import Vector
 from harpy_pin.model.tree import REVOLUTE, SLIDING, tree_record
 
@@ -39,14 +38,14 @@ class Links:
     soles: list[str]  # in the middle of each flat foot; none where all feet are points
 
 
-def links_of(robot: Robot) -> Links:
+def links_of(robot: hp.Robot) -> Links:
     """Names of the links.
 
     Raises:
         RobotError: a flat foot has other than four corners, or there are points beside flat feet.
     """
     if robot.flat_feet and set(robot.flat_feet) != {4}:
-        raise RobotError("peers are given points, or soles of four corners")
+        raise hp.RobotError("peers are given points, or soles of four corners")
     return Links(
         [f"contact_{k}" for k in range(len(robot.feet))],
         [f"thruster_{k}" for k in range(len(robot.thrusters))],
@@ -54,7 +53,7 @@ def links_of(robot: Robot) -> Links:
     )
 
 
-def sole_corners(robot: Robot) -> Vector:
+def sole_corners(robot: hp.Robot) -> Vector:
     """(soles, 4, 3) corners of each sole about its middle, in the axes of its link, m."""
     model, found = robot.model, []
     for n in range(len(robot.flat_feet)):
@@ -66,7 +65,7 @@ def sole_corners(robot: Robot) -> Vector:
     return np.array(found).reshape(-1, 4, 3)
 
 
-def write_model(robot: Robot, path: Path) -> None:
+def write_model(robot: hp.Robot, path: Path) -> None:
     """Write the file.
 
     Raises:
@@ -79,7 +78,7 @@ def write_model(robot: Robot, path: Path) -> None:
     for i, name in enumerate(robot.joints, start=1):
         kind = _KINDS.get(int(tree["kind"][i]))
         if kind is None:
-            raise RobotError(f"peers are given joints that end; '{name}' turns on")
+            raise hp.RobotError(f"peers are given joints that end; '{name}' turns on")
         place = pin.SE3(tree["placement"][i], tree["origin"][i])
         joint = _add_joint(root, name, kind, f"body_{tree['parent'][i]}", f"body_{i}", place)
         ElementTree.SubElement(joint, "axis", xyz=_text(tree["axis"][i]))

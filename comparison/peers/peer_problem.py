@@ -23,13 +23,10 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
+import harpy_pin as hp
 from comparison.measure.walking import StateSequence
 from comparison.peers.model_file import BASE, links_of, sole_corners, write_model
-from harpy_pin.controllers import WholeBodyController, WholeBodyParameters
-from harpy_pin.errors import InputError
-from harpy_pin.gaits import Gait
 from harpy_pin.model.state import State, Vector
-from harpy_pin.wbc import QPStatus, WholeBodyWeights
 from harpy_pin.wbc.tasks.built_in import joint_weights
 
 FACES = 4
@@ -56,14 +53,16 @@ class Case:
     """A robot and its states, and the program that is solved at each of them."""
 
     name: str  # for readers: robot, contacts, and what it does
-    gait: Gait
+    gait: hp.Gait
     sequences: tuple[StateSequence, ...]
-    parameters: WholeBodyParameters
+    parameters: hp.controllers.WholeBodyParameters
     first: int  # tick of each sequence from which on times count
     condensed: bool = True  # whether the condensed WBC takes this robot
 
 
-def common_program(gait: Gait, friction: float, *, posture: float = POSTURE) -> WholeBodyParameters:
+def common_program(
+    gait: hp.Gait, friction: float, *, posture: float = POSTURE
+) -> hp.controllers.WholeBodyParameters:
     """The settings that fit a gait, less what the peers lack.
 
     Args:
@@ -71,9 +70,9 @@ def common_program(gait: Gait, friction: float, *, posture: float = POSTURE) -> 
         friction: coefficient that is assumed.
         posture: weight of the legs' joints.
     """
-    own = WholeBodyParameters.for_gait(gait, limits={"mu": friction})
+    own = hp.controllers.WholeBodyParameters.for_gait(gait, limits={"mu": friction})
     w = own.weights
-    weights = WholeBodyWeights(
+    weights = hp.wbc.WholeBodyWeights(
         body=SCALE * w.body,
         orientation=SCALE * w.orientation,
         swing=SCALE * w.swing,
@@ -168,7 +167,7 @@ def make_problem(case: Case, urdf: Path) -> PeerProblem:
     Raises:
         InputError: a program that the peers do not have.
     """
-    controller = WholeBodyController(
+    controller = hp.WholeBodyController(
         case.gait, replace(case.parameters, formulation="full", **OWN_SEARCH)
     )
     robot, problem = controller.robot, controller.problem
@@ -186,14 +185,14 @@ def make_problem(case: Case, urdf: Path) -> PeerProblem:
             solution = controller.solve()
             z = solution.z
             problem.inputs(z, inputs)
-            solved = solution.status is QPStatus.SOLVED
+            solved = solution.status is hp.wbc.QPStatus.SOLVED
             solutions.append(
                 (problem.acceleration(z), problem.contact_force(z), inputs.copy(), solved)
             )
             ticks.append((*_handed_over(controller, state, data), np.array(float(i >= case.first))))
             centred.add(controller.targets.centred)
     if len(centred) > 1:
-        raise InputError(f"{case.name}: the task of the body changes from tick to tick")
+        raise hp.InputError(f"{case.name}: the task of the body changes from tick to tick")
     acceleration, force, given, found = (np.array(part) for part in zip(*solutions, strict=True))
     thrust = given[:, : problem.n_thrust].reshape(len(given), -1, 3)
     expected = Expected(acceleration, given[:, problem.n_thrust :], force, thrust, found)
@@ -223,14 +222,14 @@ def make_problem(case: Case, urdf: Path) -> PeerProblem:
 
 
 def _handed_over(
-    controller: WholeBodyController, state: State, data: pin.Data
+    controller: hp.WholeBodyController, state: State, data: pin.Data
 ) -> tuple[Vector, ...]:
     """What peers are given of a tick, of which the program was built: :data:`ARRAYS` but the
     last.
     """
     robot, d, t = controller.robot, controller.dynamics, controller.targets
     if t.tilted or np.isfinite(t.friction).any():
-        raise InputError("peers are given level ground, and one friction coefficient")
+        raise hp.InputError("peers are given level ground, and one friction coefficient")
     # The controllers' bias forces have the friction of joints in them.
     free = pin.rnea(robot.model, data, state.q, state.v, np.zeros(robot.model.nv))
     resistance = d.damping * state.v + d.bias - free
@@ -253,7 +252,7 @@ def _handed_over(
     )
 
 
-def _motion_of_sole(controller: WholeBodyController, n: int) -> Vector:
+def _motion_of_sole(controller: hp.WholeBodyController, n: int) -> Vector:
     """Acceleration of a sole, linear in its middle and angular, that is nearest to those desired of
     its corners.
 

@@ -18,23 +18,10 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
+import harpy_pin as hp
 from comparison.measure.timing import Laps, summarise, timer_overhead, without_gc
 from comparison.measure.walking import sway
 from comparison.tables import Cell, Table, in_columns
-from harpy_pin.errors import HarpyError, InputError
-from harpy_pin.governors import ContactForceFilter, ContactForceFilterParameters
-from harpy_pin.model.catalogue import CATALOGUE
-from harpy_pin.model.dynamics import Dynamics
-from harpy_pin.model.robot import Robot, load_robot
-from harpy_pin.model.state import Command, State
-from harpy_pin.wbc import (
-    QPStatus,
-    WholeBodyLimits,
-    WholeBodyTargets,
-    installed_solvers,
-    make_problem,
-    make_solver,
-)
 from harpy_pin.wbc.condensed import CondensedSolver
 
 FACES = (4, 8, 16, 32)
@@ -91,20 +78,20 @@ KINDS = {
 class Case:
     """What is timed: a robot, the faces of its pyramids, and how many of its feet are held."""
 
-    robot: Robot
+    robot: hp.Robot
     faces: int = 4
     held: int = 2
 
 
 def growth_cases(
-    robot: Robot, faces: Sequence[int]
+    robot: hp.Robot, faces: Sequence[int]
 ) -> tuple[dict[str, dict[str, tuple[float, Case]]], dict[str, str]]:
     """By what grows the cases with their sizes, and robots that are absent with the reason."""
     robots, absent = {"Harpy": robot}, {}
     for name, feet in ROBOTS.items():
         try:
-            robots[name] = load_robot(CATALOGUE[name.lower()].path(), feet=feet)
-        except HarpyError as error:
+            robots[name] = hp.load_robot(hp.model.CATALOGUE[name.lower()].path(), feet=feet)
+        except hp.HarpyError as error:
             absent[name] = str(error).splitlines()[0]
     cases: dict[str, dict[str, tuple[float, Case]]] = {
         "faces": {f"Harpy, {n} faces": (n, Case(robot, faces=n)) for n in faces},
@@ -120,7 +107,7 @@ def growth_cases(
 
 
 def time_growth(
-    robot: Robot,
+    robot: hp.Robot,
     repetitions: int,
     seed: int,
     *,
@@ -157,7 +144,7 @@ def time_growth(
     return {**result, "absent": absent}
 
 
-def _motion(case: Case, rng: np.random.Generator) -> list[tuple[State, WholeBodyTargets]]:
+def _motion(case: Case, rng: np.random.Generator) -> list[tuple[hp.State, hp.wbc.WholeBodyTargets]]:
     """A smooth sway, with the targets of each state."""
     robot, model, weight = case.robot, case.robot.model, case.robot.mass * 9.81
     posture, middle = pin.neutral(model), rng.uniform(0.2, 0.6, len(robot.joints))
@@ -167,7 +154,7 @@ def _motion(case: Case, rng: np.random.Generator) -> list[tuple[State, WholeBody
     amplitude, desired = 0.05 * rng.standard_normal(model.nv), rng.standard_normal(6)
     force = np.zeros((len(robot.feet), 3))
     force[: case.held, 2] = weight / case.held
-    target = WholeBodyTargets(robot)
+    target = hp.wbc.WholeBodyTargets(robot)
     target.body[:], target.orientation[:] = desired[:3], desired[3:]
     target.held[case.held :] = 0.0
     target.force_range[:] = (0.0, 10.0 * weight)
@@ -180,23 +167,26 @@ def time_case(case: Case, repetitions: int, rng: np.random.Generator) -> dict[st
     the filter acts.
     """
     robot = case.robot
-    motion, dynamics = _motion(case, rng), Dynamics(robot)
-    limits = WholeBodyLimits(mu=MU, faces=case.faces)
+    motion, dynamics = _motion(case, rng), hp.Dynamics(robot)
+    limits = hp.wbc.WholeBodyLimits(mu=MU, faces=case.faces)
     programs = {
-        name: _PROGRAMS[name] for name in _PROGRAMS if _PROGRAMS[name][1] in installed_solvers()
+        name: _PROGRAMS[name]
+        for name in _PROGRAMS
+        if _PROGRAMS[name][1] in hp.wbc.installed_solvers()
     }
     problems = {
-        name: make_problem(formulation, robot, limits=limits)
+        name: hp.wbc.make_problem(formulation, robot, limits=limits)
         for name, (formulation, _) in programs.items()
     }
     solvers = {
-        name: make_solver(solver, problems[name].program) for name, (_, solver) in programs.items()
+        name: hp.wbc.make_solver(solver, problems[name].program)
+        for name, (_, solver) in programs.items()
     }
-    governor = ContactForceFilter(robot, ContactForceFilterParameters(mu=MU))
+    governor = hp.ContactForceFilter(robot, hp.ContactForceFilterParameters(mu=MU))
     law: CondensedSolver | None = None
-    with suppress(InputError):  # limbs that it does not take
+    with suppress(hp.InputError):  # limbs that it does not take
         law = CondensedSolver(robot, limits=limits)
-    command = Command(np.zeros(len(robot.joints)), np.zeros((len(robot.thrusters), 3)))
+    command = hp.Command(np.zeros(len(robot.joints)), np.zeros((len(robot.thrusters), 3)))
     parts = [
         part
         for part in PARTS
@@ -221,7 +211,7 @@ def time_case(case: Case, repetitions: int, rng: np.random.Generator) -> dict[st
                 problem.build(dynamics, state.v, rotation, target)
                 solution = solvers[name].solve(problem.program)
                 laps[name][place] = clock() - t0
-                unsolved += solution.status is not QPStatus.SOLVED
+                unsolved += solution.status is not hp.wbc.QPStatus.SOLVED
             if law is not None:
                 t0 = clock()
                 law.solve(dynamics, state.v, rotation, target)

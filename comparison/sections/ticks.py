@@ -12,17 +12,13 @@ from typing import Any
 
 import numpy as np
 
+import harpy_pin as hp
 from comparison.contenders import CONTENDERS, FORCES, controller_part, label
 from comparison.measure.inside_c import ReplayInsideC, overhead_inside_c
 from comparison.measure.replay import WBC_PHASES, ProxQPReplay, TickReplay, WholeBodyChain
 from comparison.measure.timing import Bench, Laps, summarise, summarise_repetitions
 from comparison.measure.walking import StateSequence, recorded_walk, scenario_of
 from comparison.tables import Cell, Table, in_columns, percentiles
-from harpy_pin.controllers import WholeBodyController, WholeBodyParameters
-from harpy_pin.gaits import Gait, make_gait
-from harpy_pin.model.robot import Robot
-from harpy_pin.model.state import State
-from harpy_pin.scenario import build
 from harpy_pin.wbc import FORMULATIONS, SOLVERS, QPStatus, installed_solvers
 from harpy_pin.wbc.solvers import ProxQPSolver
 
@@ -30,23 +26,23 @@ COLD = 200
 """Ticks right after a reset that are timed."""
 
 
-def make_all(robot: Robot, friction: float) -> dict[str, Any]:
+def make_all(robot: hp.Robot, friction: float) -> dict[str, Any]:
     """Every controller and governor of the campaign, the QP by DAQP, and the QP in contact
     forces.
     """
     daqp = ("wbc/daqp",) if "daqp" in installed_solvers() else ()
     names = (*CONTENDERS, *daqp, FORCES, "wbc/contact_force")
     return {
-        name: controller_part(name).make(make_gait(robot), mu=friction, period=1e-3)
+        name: controller_part(name).make(hp.make_gait(robot), mu=friction, period=1e-3)
         for name in names
     }
 
 
-def proxqp_replay(robot: Robot, friction: float) -> ProxQPReplay:
+def proxqp_replay(robot: hp.Robot, friction: float) -> ProxQPReplay:
     """The contender ``wbc`` with ProxQP's own timer on."""
-    gait = make_gait(robot)
-    parameters = WholeBodyParameters.for_gait(gait, limits={"mu": friction})
-    return ProxQPReplay(lambda solver: WholeBodyController(gait, parameters, solver=solver))
+    gait = hp.make_gait(robot)
+    parameters = hp.controllers.WholeBodyParameters.for_gait(gait, limits={"mu": friction})
+    return ProxQPReplay(lambda solver: hp.WholeBodyController(gait, parameters, solver=solver))
 
 
 def time_ticks(bench: Bench, sequences: Sequence[StateSequence]) -> dict[str, Any]:
@@ -142,7 +138,7 @@ def time_own_walks(bench: Bench, impulse: float, duration: float) -> dict[str, A
     }
 
 
-def _first_ticks(controller: Any, states: Sequence[State]) -> Laps:
+def _first_ticks(controller: Any, states: Sequence[hp.State]) -> Laps:
     """Times of ticks right after a reset, ns: no warm start, no active set, no applied
     reference.
     """
@@ -237,9 +233,11 @@ class _CheckedChain(WholeBodyChain):
             self.violation = max(self.violation, solution.violation)
 
 
-def _configurations(gait: Gait, friction: float) -> dict[str, WholeBodyParameters]:
-    plain = WholeBodyParameters.for_gait(gait, limits={"mu": friction})
-    found: dict[str, WholeBodyParameters] = {}
+def _configurations(
+    gait: hp.Gait, friction: float
+) -> dict[str, hp.controllers.WholeBodyParameters]:
+    plain = hp.controllers.WholeBodyParameters.for_gait(gait, limits={"mu": friction})
+    found: dict[str, hp.controllers.WholeBodyParameters] = {}
     for formulation in FORMULATIONS:
         for solver in (name for name in SOLVERS if name in installed_solvers()):
             name = f"{formulation}, {solver}"
@@ -259,13 +257,13 @@ def time_formulations(bench: Bench, sequence: StateSequence) -> dict[str, Any]:
     robot, settings = bench.robot, bench.settings
     begin = max((len(sequence) - STATES) // 2, 0)
     states = sequence.states[begin : begin + STATES]
-    gait = make_gait(robot)
+    gait = hp.make_gait(robot)
     made = {
-        name: WholeBodyController(gait, how)
+        name: hp.WholeBodyController(gait, how)
         for name, how in _configurations(gait, bench.friction).items()
     }
-    plain = WholeBodyParameters.for_gait(gait, limits={"mu": bench.friction})
-    made[LOOSE] = WholeBodyController(
+    plain = hp.controllers.WholeBodyParameters.for_gait(gait, limits={"mu": bench.friction})
+    made[LOOSE] = hp.WholeBodyController(
         gait, plain, solver=partial(ProxQPSolver, tolerance=1e-6, gap=None)
     )
     timed = {name: _CheckedChain(controller) for name, controller in made.items()}
@@ -336,11 +334,11 @@ def time_simulator(bench: Bench, *, duration: float) -> dict[str, Any]:
     """
     found: dict[str, list[tuple[float, float, str]]] = {name: [] for name in CONTENDERS}
     for name in CONTENDERS:
-        build(scenario_of(name, bench.friction, duration=0.02)).run()  # loads what is compiled
+        hp.build(scenario_of(name, bench.friction, duration=0.02)).run()  # loads what is compiled
     for _ in range(WALKS):
         for k in bench.rng.permutation(len(CONTENDERS)):
             name = CONTENDERS[int(k)]
-            walk = build(scenario_of(name, bench.friction, duration=duration))
+            walk = hp.build(scenario_of(name, bench.friction, duration=duration))
             begin, begin_busy = perf_counter_ns(), process_time_ns()
             run = walk.run()
             busy, elapsed = process_time_ns() - begin_busy, perf_counter_ns() - begin

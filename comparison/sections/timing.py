@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 from scipy.optimize import nnls
 
+import harpy_pin as hp
 from comparison.measure.replay import (
     WBC_PHASES,
     GovernorTrace,
@@ -29,11 +30,7 @@ from comparison.measure.replay import (
 from comparison.measure.timing import Bench, Laps, Timed, ratio_of_medians, summarise
 from comparison.measure.walking import TIMED, StateSequence, make_contender
 from comparison.tables import Cell, Table, percentiles
-from harpy_pin.errors import InputError
-from harpy_pin.governors import Governor
-from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Command, State, Vector
-from harpy_pin.wbc import QuadraticProgram, installed_solvers
 
 ACTIVE = 1e-3
 """Distance from its bound at which a constraint counts as active, in the constraint's unit."""
@@ -42,7 +39,7 @@ ACTIVE = 1e-3
 class RecordingGovernor:
     """Passes everything on to a governor, and keeps what went in and came out."""
 
-    def __init__(self, inner: Governor) -> None:
+    def __init__(self, inner: hp.governors.Governor) -> None:
         self.inner, self.start = inner, inner.applied
         self.kept: list[tuple[Any, ...]] = []
 
@@ -146,7 +143,7 @@ class ExpectedReplay:
 
 
 def record_expected(
-    robot: Robot, friction: float, sequence: StateSequence, *, keep: int, samples: int
+    robot: hp.Robot, friction: float, sequence: StateSequence, *, keep: int, samples: int
 ) -> ExpectedReplay:
     """Replay a sequence through fresh controllers, untimed.
 
@@ -173,7 +170,7 @@ def record_expected(
     return ExpectedReplay(trace, strained.trace(), program, proxqp, commands)
 
 
-def stationarity(program: QuadraticProgram, z: Vector) -> float:
+def stationarity(program: hp.wbc.QuadraticProgram, z: Vector) -> float:
     """How far z is from optimal: least ‖H z + g + Aᵀy + Cᵀλ‖∞ over multipliers of the right sign.
 
     The multipliers are found anew by non-negative least squares; those of the solver are not used.
@@ -238,7 +235,7 @@ def time_contenders(bench: Bench, sequences: Sequence[StateSequence]) -> dict[st
     digests, expectations = [sequence.digest() for sequence in sequences], []
     for sequence in sequences:
         if len(sequence) <= settings.warm_up:
-            raise InputError(
+            raise hp.InputError(
                 f"{len(sequence)} states are too few for a warm-up of {settings.warm_up}",
                 name="states",
             )
@@ -279,7 +276,7 @@ def time_contenders(bench: Bench, sequences: Sequence[StateSequence]) -> dict[st
 class _TimingRun:
     """The controllers that are timed, and their results so far."""
 
-    def __init__(self, robot: Robot, friction: float) -> None:
+    def __init__(self, robot: hp.Robot, friction: float) -> None:
         self.compared = dict.fromkeys(TIMED, 0)
         self.differing = dict.fromkeys(TIMED, 0)
         self.command_difference = 0.0
@@ -299,7 +296,7 @@ class _TimingRun:
         solvers |= {
             f"solve_alone_{name}": name
             for name in ("proxqp", "daqp")
-            if name in installed_solvers()
+            if name in hp.wbc.installed_solvers()
         }
         self.solvers = {
             phase: IsolatedSolver(make_contender("wbc", robot, friction).problem.program, name)

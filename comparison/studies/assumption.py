@@ -12,14 +12,13 @@ from typing import Any
 
 import numpy as np
 
+import harpy_pin as hp
 from comparison.contenders import WALKERS, controller_part, label
 from comparison.measure.walking import Rows, grouped
 from comparison.study import STARTS, Job, Study, View, grid, start_velocity, starts, walking
 from comparison.tables import number_text
-from harpy_pin import Disturbances, Ground, Push, Scenario
-from harpy_pin.wbc import WholeBodyLimits
 
-PUSH = Push(2.0, (0.0, 3.0, 0.0))
+PUSH = hp.Push(2.0, (0.0, 3.0, 0.0))
 _COLOURS = ("#7a869a", "#c8553d", "#e09f3e", "#8e7cc3", "#4c956c", "#2c6e9b")
 
 
@@ -31,14 +30,14 @@ def _jobs(s: Any) -> Iterator[Job]:
     return (job for job in every if job["walker"] != WALKERS[0] or not job["estimate"])
 
 
-def _scenario(job: Job) -> Scenario:
+def _scenario(job: Job) -> hp.Scenario:
     part = controller_part(job["walker"], (1.0 + job["error"]) * job["friction"])
-    return Scenario(
+    return hp.Scenario(
         controller=replace(
             part, parameters={**part.parameters, "estimate_friction": job["estimate"]}
         ),
-        ground=Ground(mu_s=job["friction"]),
-        disturbances=Disturbances(pushes=(PUSH,), start_velocity=start_velocity(job)),
+        ground=hp.Ground(mu_s=job["friction"]),
+        disturbances=hp.Disturbances(pushes=(PUSH,), start_velocity=start_velocity(job)),
         duration=job["duration"],
     )
 
@@ -79,7 +78,7 @@ def _draw(figure: Any, rows: Rows) -> None:
                 panel.plot(x[fell], slip[fell], "x", color=colour)
         panel.plot([], [], "k:", label="friction estimated")
         panel.plot([], [], "kx", label="walks fell")
-        end = 100.0 / WholeBodyLimits().friction_share - 100.0
+        end = 100.0 / hp.wbc.WholeBodyLimits().friction_share - 100.0
         panel.axvline(end, color="#9aa5b1", zorder=0, label="end of the WBCs' margin")
         panel.set(
             yscale="log", title=f"ground of {friction:g}", xlabel="error of the assumed friction, %"

@@ -15,27 +15,24 @@ from typing import Any
 
 import numpy as np
 
+import harpy_pin as hp
 from comparison.contenders import BEST, OWN, controller_part, label
 from comparison.measure.walking import Rows, as_far_as_it_goes
 from comparison.studies.grounds import ending_and_slip
 from comparison.study import STARTS, Job, Study, View, grid, start_velocity, starts
 from comparison.tables import Cell, cell_text
-from harpy_pin import Disturbances, Ground, Mujoco, Run, Scenario, Straight, build
-from harpy_pin.gaits import GaitParameters
 from harpy_pin.model.state import Vector
-from harpy_pin.scenario import Compliant, PlantPart
 from harpy_pin.simulation.mujoco import MujocoPlant, SoftContact, installed_version
-from harpy_pin.simulation.plant import Plant
 
-CONTACTS: dict[str, PlantPart] = {
-    "ours": Compliant(),
-    "MuJoCo stiff": Mujoco("stiff"),
-    "MuJoCo default": Mujoco("default"),
-    "default, 5 mm": Mujoco("default", foot_radius=0.005),
-    "default, 10 mm": Mujoco("default", foot_radius=0.01),
-    "default, 20 mm": Mujoco("default", foot_radius=0.02),
-    "MuJoCo elliptic": Mujoco("elliptic"),
-    "menagerie, 20 mm": Mujoco("menagerie", foot_radius=0.02),
+CONTACTS: dict[str, hp.scenario.PlantPart] = {
+    "ours": hp.scenario.Compliant(),
+    "MuJoCo stiff": hp.Mujoco("stiff"),
+    "MuJoCo default": hp.Mujoco("default"),
+    "default, 5 mm": hp.Mujoco("default", foot_radius=0.005),
+    "default, 10 mm": hp.Mujoco("default", foot_radius=0.01),
+    "default, 20 mm": hp.Mujoco("default", foot_radius=0.02),
+    "MuJoCo elliptic": hp.Mujoco("elliptic"),
+    "menagerie, 20 mm": hp.Mujoco("menagerie", foot_radius=0.02),
 }
 """Contact models by name; lengths are the radius of the feet, which are points otherwise."""
 CAREFUL = 0.4
@@ -51,40 +48,42 @@ HELD = 1e-9
 def _jobs(s: Any) -> Iterator[Job]:
     """Every controller on every contact that is installed."""
     missing = installed_version() is None
-    contacts = [name for name in s.contacts if not (missing and isinstance(CONTACTS[name], Mujoco))]
+    contacts = [
+        name for name in s.contacts if not (missing and isinstance(CONTACTS[name], hp.Mujoco))
+    ]
     return grid(contact=contacts, friction=s.frictions, walker=s.walkers, **starts(s))
 
 
 def _measured(job: Job) -> dict[str, Any]:
     friction, walker = job["friction"], job["walker"]
-    scenario = Scenario(
-        gait=Straight(stiffness=_stiffness(job["contact"], friction)),
+    scenario = hp.Scenario(
+        gait=hp.Straight(stiffness=_stiffness(job["contact"], friction)),
         controller=controller_part(
             *(("condensed", CAREFUL * friction) if walker == GENTLE else (walker,))
         ),
         plant=CONTACTS[job["contact"]],
-        ground=Ground(mu_s=friction),
-        disturbances=Disturbances(start_velocity=start_velocity(job)),
+        ground=hp.Ground(mu_s=friction),
+        disturbances=hp.Disturbances(start_velocity=start_velocity(job)),
         duration=job["duration"],
     )
-    built = build(scenario)
+    built = hp.build(scenario)
     return _kept(as_far_as_it_goes(built.run), built.simulator)
 
 
 @cache
 def _stiffness(contact: str, friction: float) -> float:
     """Of the ground as the weight finds it, N/m."""
-    return build(
-        Scenario(plant=CONTACTS[contact], ground=Ground(mu_s=friction))
+    return hp.build(
+        hp.Scenario(plant=CONTACTS[contact], ground=hp.Ground(mu_s=friction))
     ).simulator.ground.stiffness
 
 
-def _kept(run: Run, plant: Plant) -> dict[str, Any]:
+def _kept(run: hp.Run, plant: hp.simulation.Plant) -> dict[str, Any]:
     """Beside ending and slip, creep in the same unit and the share of the time on the ground in
     which feet slide.
     """
     end, period = float(run.metadata["end_time"]), float(run.metadata["control_period"])
-    steps = max(end / GaitParameters().step_duration, 1.0)
+    steps = max(end / hp.gaits.GaitParameters().step_duration, 1.0)
     touching = run["foot_force"][1:, :, 2] > HELD
     creeping = _creep_speed(run, plant) * touching
     way = np.diff(run["slip_path"], axis=0)
@@ -95,7 +94,7 @@ def _kept(run: Run, plant: Plant) -> dict[str, Any]:
     }
 
 
-def _creep_speed(run: Run, plant: Plant) -> Vector:
+def _creep_speed(run: hp.Run, plant: hp.simulation.Plant) -> Vector:
     """(ticks - 1, feet) speed at which feet creep under their forces, m/s."""
     force, depth = run["foot_force"][1:], -run["foot_position"][1:, :, 2]
     if not isinstance(plant, MujocoPlant) or plant.contact is None:

@@ -16,21 +16,9 @@ from typing import Any
 
 import numpy as np
 
+import harpy_pin as hp
 from comparison.measure.walking import as_far_as_it_goes
 from comparison.study import Job, Study, View, grid, kept, median, share, where
-from harpy_pin import (
-    Disturbances,
-    Gait,
-    Ground,
-    Run,
-    Scenario,
-    Walking,
-    WalkingGait,
-    build,
-    make_gait,
-)
-from harpy_pin.gaits import OnFeltGround, OnTerrain
-from harpy_pin.ground import Plane, Rough, Stairs, Terrain
 from harpy_pin.ground.ground import walking_stiffness
 from harpy_pin.model.source import loaded_robot
 
@@ -47,7 +35,7 @@ class Crossing:
 
     name: str  # in the table
     robot: str  # of the catalogue
-    ground: Callable[[int], Terrain]  # from the number of the try
+    ground: Callable[[int], hp.ground.Terrain]  # from the number of the try
     goal: float  # how far the body must come, m
     duration: float  # s
     tries: int = 2  # how many, of different grounds
@@ -56,16 +44,18 @@ class Crossing:
     wrong: float = 0.0  # error of the normals that the controller knows, rad
 
 
-def _stairs(rise: float, steps: int) -> Callable[[int], Terrain]:
-    return lambda seed: Stairs(rise=rise, depth=0.3, steps=steps, start=0.5 + 0.03 * seed)
+def _stairs(rise: float, steps: int) -> Callable[[int], hp.ground.Terrain]:
+    return lambda seed: hp.ground.Stairs(rise=rise, depth=0.3, steps=steps, start=0.5 + 0.03 * seed)
 
 
-def _rough(amplitude: float) -> Callable[[int], Terrain]:
-    return lambda seed: Rough(amplitude=amplitude, resolution=0.2, seed=seed)
+def _rough(amplitude: float) -> Callable[[int], hp.ground.Terrain]:
+    return lambda seed: hp.ground.Rough(amplitude=amplitude, resolution=0.2, seed=seed)
 
 
-def _ramp(degrees: float, heading: float = 0.0) -> Callable[[int], Terrain]:
-    return lambda seed: Plane(slope=float(np.radians(degrees)), heading=heading + 0.1 * seed)
+def _ramp(degrees: float, heading: float = 0.0) -> Callable[[int], hp.ground.Terrain]:
+    return lambda seed: hp.ground.Plane(
+        slope=float(np.radians(degrees)), heading=heading + 0.1 * seed
+    )
 
 
 CROSSINGS: dict[str, Crossing] = {
@@ -105,14 +95,14 @@ def _measured(job: Job) -> dict[str, Any]:
     return found | {"through": through}
 
 
-def _run(one: Crossing, plant: str, seed: int) -> Run:
+def _run(one: Crossing, plant: str, seed: int) -> hp.Run:
     """Walk a try."""
     robot, terrain, velocity = loaded_robot(one.robot), one.ground(seed), (one.speed, 0.0, 0.0)
     harpy = one.robot == "harpy"
-    ground = Ground(
+    ground = hp.Ground(
         mu_s=FRICTION,
         terrain=terrain,
-        stiffness=Ground.stiffness if harpy else walking_stiffness(robot),
+        stiffness=hp.Ground.stiffness if harpy else walking_stiffness(robot),
     )
     settings: dict[str, Any] = {
         "robot": one.robot,
@@ -121,17 +111,19 @@ def _run(one: Crossing, plant: str, seed: int) -> Run:
         "plant": plant,
     }
     if not one.blind:
-        parts: dict[str, Any] = {} if harpy else {"gait": Walking(velocity=velocity)}
-        return build(
-            Scenario(**settings, **parts, disturbances=Disturbances(normal_error=one.wrong))
+        parts: dict[str, Any] = {} if harpy else {"gait": hp.Walking(velocity=velocity)}
+        return hp.build(
+            hp.Scenario(**settings, **parts, disturbances=hp.Disturbances(normal_error=one.wrong))
         ).run()
-    gait: Gait
+    gait: hp.Gait
     if harpy:
-        gait = OnTerrain(make_gait(robot), Plane(slope=0.0))
+        gait = hp.OnTerrain(hp.make_gait(robot), hp.ground.Plane(slope=0.0))
     else:
-        gait = OnFeltGround(WalkingGait(robot, velocity=velocity, clearance=BLIND_CLEARANCE))
-    made = build(Scenario(**settings), gait=gait)
-    known = OnTerrain(make_gait(robot) if harpy else WalkingGait(robot), terrain)
+        gait = hp.gaits.OnFeltGround(
+            hp.WalkingGait(robot, velocity=velocity, clearance=BLIND_CLEARANCE)
+        )
+    made = hp.build(hp.Scenario(**settings), gait=gait)
+    known = hp.OnTerrain(hp.make_gait(robot) if harpy else hp.WalkingGait(robot), terrain)
     made.simulator.reset(*known.initial_state(penetration=made.simulator.static_penetration))
     return made.run()
 

@@ -10,34 +10,22 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
+import harpy_pin as hp
 from comparison.contenders import published_parameters
 from comparison.measure.walking import Rows, walk_as_far_as_it_goes
 from comparison.studies.margins import joint_loop, joint_mobility, pd_delay_margin
 from comparison.study import Job, Study, View, grid, kept
 from comparison.tables import Cell, Table
-from harpy_pin import (
-    Condensed,
-    Disturbances,
-    Governed,
-    Ground,
-    Noise,
-    Scenario,
-    WholeBody,
-    load_harpy,
-    make_gait,
-)
-from harpy_pin.controllers.parameters import GovernedParameters
-from harpy_pin.scenario import ControllerPart
 
 JOINTS = ("hip, frontal", "hip, sagittal", "knee")
-WALKERS: dict[str, ControllerPart] = {
+WALKERS: dict[str, hp.scenario.ControllerPart] = {
     **{
-        f"{legs}, {name}": Governed(governor=name, parameters={"legs": legs.lower()})
+        f"{legs}, {name}": hp.Governed(governor=name, parameters={"legs": legs.lower()})
         for legs in ("PID", "feedforward")
         for name in ("none", "paper", "filter")
     },
-    "condensed WBC": Condensed(),
-    "QP": WholeBody(parameters={"solver": "active_set"}),
+    "condensed WBC": hp.Condensed(),
+    "QP": hp.WholeBody(parameters={"solver": "active_set"}),
 }
 
 
@@ -49,9 +37,11 @@ def _jobs(s: Any) -> Iterator[Job]:
 
 
 def _measured(job: Job) -> dict[str, Any]:
-    scenario = Scenario(
-        ground=Ground(mu_s=job["friction"]),
-        disturbances=Disturbances(delay=job["delay_ms"] * 1e-3, noise=Noise.typical(job["noise"])),
+    scenario = hp.Scenario(
+        ground=hp.Ground(mu_s=job["friction"]),
+        disturbances=hp.Disturbances(
+            delay=job["delay_ms"] * 1e-3, noise=hp.Noise.typical(job["noise"])
+        ),
         controller=WALKERS[job["walker"]],
         duration=job["duration"],
     )
@@ -69,9 +59,9 @@ def _slip_or_fall(rows: Rows) -> Cell:
 
 def _of_joints(rows: Rows) -> Iterator[Table]:
     """Delay margins of the joints under the two leg laws."""
-    robot = load_harpy()
-    q = make_gait(robot, stiffness=Ground().stiffness).initial_state()[0]
-    p = GovernedParameters()
+    robot = hp.load_harpy()
+    q = hp.make_gait(robot, stiffness=hp.Ground().stiffness).initial_state()[0]
+    p = hp.controllers.GovernedParameters()
     pid = (p.joints.k_p * 2, p.joints.k_d * 2)
     swing = (p.feedforward.swing_p * 2, p.feedforward.swing_d * 2)
     stance = (

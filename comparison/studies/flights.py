@@ -23,7 +23,6 @@ from harpy_pin.contrib.flight import Fly, Flying, Jump
 from harpy_pin.contrib.flight.flying_gait import PHASES
 from harpy_pin.contrib.power import Motors, power
 from harpy_pin.contrib.thrusters import ThrustWatch
-from harpy_pin.ground import Plane, Ramp
 from harpy_pin.log.power import PRESETS
 from harpy_pin.simulation.mujoco import installed_version
 
@@ -74,9 +73,13 @@ class Manoeuvre:
     def scenario(self, controller: str, plant: str, seed: int) -> hp.Scenario:
         """What is flown; the seed is that of the noise."""
         slope = float(np.radians(self.slope))
-        terrain: Plane | Ramp | None = None
+        terrain: hp.ground.Plane | hp.ground.Ramp | None = None
         if slope:
-            terrain = Ramp(slope=slope, start=1.2, length=4.0) if self.walks else Plane(slope=slope)
+            terrain = (
+                hp.ground.Ramp(slope=slope, start=1.2, length=4.0)
+                if self.walks
+                else hp.ground.Plane(slope=slope)
+            )
         name, own = CONTROLLERS[controller]
         parameters: dict[str, Any] = {**own, "thrust_lag": self.lag} if self.known else {**own}
         if not self.thrust:

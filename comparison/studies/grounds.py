@@ -11,11 +11,10 @@ from dataclasses import replace
 from functools import partial
 from typing import Any
 
+import harpy_pin as hp
 from comparison.contenders import OWN, label
 from comparison.measure.walking import Rows, scenario_of
 from comparison.study import Job, Study, View, grid, shown, where
-from harpy_pin import Ground, Mujoco, Run, Scenario, walk
-from harpy_pin.gaits import GaitParameters
 from harpy_pin.simulation.mujoco import PRESETS, installed_version
 
 STIFFNESSES = (4e3, 8e3, 16e3, 40e3, 80e3)
@@ -24,7 +23,7 @@ too.
 """
 STEPS = ("governed/paper", "condensed")
 """Walkers that also walk with half the physics step, on the highest friction."""
-DT = Scenario().dt
+DT = hp.Scenario().dt
 
 
 def _grounds() -> dict[str, dict[str, Any]]:
@@ -34,7 +33,7 @@ def _grounds() -> dict[str, dict[str, Any]]:
     own: dict[str, dict[str, Any]] = {f"{k / 1e3:g} kN/m": {"stiffness": k} for k in STIFFNESSES}
     if installed_version() is None:
         return own
-    return own | {f"MuJoCo {name}": {"plant": Mujoco(name)} for name in PRESETS}
+    return own | {f"MuJoCo {name}": {"plant": hp.Mujoco(name)} for name in PRESETS}
 
 
 def _jobs(s: Any) -> Iterator[Job]:
@@ -48,21 +47,23 @@ def _jobs(s: Any) -> Iterator[Job]:
 
 def _measured(job: Job) -> dict[str, Any]:
     changes = {"dt": job["dt_s"], **_grounds()[job["ground"]]}
-    felt = Ground(stiffness=changes.pop("stiffness", Ground().stiffness), mu_s=job["friction"])
+    felt = hp.Ground(
+        stiffness=changes.pop("stiffness", hp.Ground().stiffness), mu_s=job["friction"]
+    )
     scenario = scenario_of(job["walker"], job["friction"], duration=job["duration"], **changes)
-    run = walk(replace(scenario, ground=felt))
+    run = hp.walk(replace(scenario, ground=felt))
     return ending_and_slip(run) | {
         "distance_m": float(run["q"][-1, 0] - run["q"][0, 0]),
         "normal_n": float(run["foot_force"][:, :, 2].sum(axis=1).mean()),
     }
 
 
-def ending_and_slip(run: Run) -> dict[str, Any]:
+def ending_and_slip(run: hp.Run) -> dict[str, Any]:
     """How a walk ended and when, and path and net displacement of both feet per step of the
     gait.
     """
     end = float(run.metadata["end_time"])
-    steps = max(end / GaitParameters().step_duration, 1.0)
+    steps = max(end / hp.gaits.GaitParameters().step_duration, 1.0)
     slips = {name: 1e3 * float(run[f"slip_{name}"][-1].sum()) / steps for name in ("path", "net")}
     return {
         "ending": run.ending,

@@ -16,11 +16,10 @@ from typing import Any
 
 import numpy as np
 
+import harpy_pin as hp
 from comparison.contenders import OWN, OWN_PART, label
 from comparison.measure.walking import Rows
 from comparison.study import Job, Study, View, fell, grid, shown
-from harpy_pin import Disturbances, Ground, Noise, Scenario, walk
-from harpy_pin.log.run import Run
 
 STEP = 0.75
 """Duration of a step of the default gait, s."""
@@ -33,7 +32,10 @@ WALKERS: dict[str, Mapping[str, Any]] = {
     "filter": {"name": "governed", "governor": "filter"},
 }
 """Controllers of a scenario by the name of their row."""
-SENSORS = {"exact": Disturbances(), "noise, 2 ms": Disturbances(noise=Noise.typical(), delay=2e-3)}
+SENSORS = {
+    "exact": hp.Disturbances(),
+    "noise, 2 ms": hp.Disturbances(noise=hp.Noise.typical(), delay=2e-3),
+}
 
 
 def _jobs(s: Any) -> Iterator[Job]:
@@ -53,20 +55,20 @@ def _jobs(s: Any) -> Iterator[Job]:
 
 def _measured(job: Job) -> dict[str, Any]:
     part = WALKERS[job["walker"]]
-    scenario = Scenario(
+    scenario = hp.Scenario(
         controller={
             **part,
             "parameters": {**part.get("parameters", {}), "estimate_friction": job["estimate"]},
         },
         plant=job["plant"],
-        ground=Ground(mu_s=job["friction"], friction_strips=(tuple(job["strip"]),)),
+        ground=hp.Ground(mu_s=job["friction"], friction_strips=(tuple(job["strip"]),)),
         disturbances=replace(SENSORS[job["sensors"]], seed=job["seed"]),
         duration=job["duration"],
     )
-    return slips(walk(scenario), *job["strip"][:2])
+    return slips(hp.walk(scenario), *job["strip"][:2])
 
 
-def slips(run: Run, begin: float, end: float) -> dict[str, Any]:
+def slips(run: hp.Run, begin: float, end: float) -> dict[str, Any]:
     """Path of both feet along the ground in every step, mm: steps with a loaded foot on the strip,
     and later ones.
     """

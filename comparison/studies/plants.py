@@ -16,36 +16,22 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
+import harpy_pin as hp
 from comparison.contenders import CONTENDERS, controller_part, short_name
 from comparison.measure.timing import Bench, Laps, TimingSettings, summarise_repetitions
 from comparison.measure.walking import Rows, walk_as_far_as_it_goes
 from comparison.studies.grounds import ending_and_slip
 from comparison.study import STARTS, Job, Study, View, grid, shown, start_velocity, starts
-from harpy_pin import (
-    Command,
-    Disturbances,
-    Dynamics,
-    Ground,
-    Mujoco,
-    Pinocchio,
-    Scenario,
-    Simulator,
-)
-from harpy_pin.gaits import Standing
 from harpy_pin.model.catalogue import installed_data
-from harpy_pin.model.robot import Robot, load_harpy, load_robot
-from harpy_pin.scenario import Compliant, PlantPart
-from harpy_pin.simulation import PinocchioPlant
 from harpy_pin.simulation.mujoco import MujocoPlant, installed_version
 from harpy_pin.simulation.mujoco.conventions import import_mujoco
-from harpy_pin.simulation.plant import GRAVITY
 
-PLANTS: dict[str, tuple[PlantPart, float]] = {
-    "compliant": (Compliant(), 5e-4),
-    "0.1 ms": (Compliant(), 1e-4),
-    "pinocchio": (Pinocchio(), 5e-4),
-    "0.25 mm/s": (Pinocchio(stiction_tolerance=2.5e-4), 5e-4),
-    "mujoco": (Mujoco(), 5e-4),
+PLANTS: dict[str, tuple[hp.scenario.PlantPart, float]] = {
+    "compliant": (hp.scenario.Compliant(), 5e-4),
+    "0.1 ms": (hp.scenario.Compliant(), 1e-4),
+    "pinocchio": (hp.Pinocchio(), 5e-4),
+    "0.25 mm/s": (hp.Pinocchio(stiction_tolerance=2.5e-4), 5e-4),
+    "mujoco": (hp.Mujoco(), 5e-4),
 }
 """Plants and their physics steps, s, by name."""
 BATCH = 20
@@ -74,11 +60,11 @@ def _measured(job: Job) -> dict[str, Any]:
 
 def _walked(job: Job) -> dict[str, Any]:
     plant, dt = PLANTS[job["plant"]]
-    scenario = Scenario(
+    scenario = hp.Scenario(
         controller=controller_part(job["walker"]),
         plant=plant,
-        ground=Ground(mu_s=job["friction"]),
-        disturbances=Disturbances(start_velocity=start_velocity(job)),
+        ground=hp.Ground(mu_s=job["friction"]),
+        disturbances=hp.Disturbances(start_velocity=start_velocity(job)),
         duration=job["duration"],
         dt=dt,
     )
@@ -102,7 +88,7 @@ class _Lap:
 
 def _step_times(job: Job) -> dict[str, Any]:
     """Medians, µs."""
-    robot = load_harpy() if job["robot"] == "harpy" else load_robot(job["robot"])
+    robot = hp.load_harpy() if job["robot"] == "harpy" else hp.load_robot(job["robot"])
     settings = TimingSettings(repetitions=job["repetitions"], warm_up=2, block=10, settle=1)
     rng = np.random.default_rng(job["seed"])
     bench = Bench(robot=robot, friction=0.8, settings=settings, rng=rng)
@@ -118,11 +104,11 @@ def _median(laps: list[Laps], overhead: float) -> dict[str, float]:
     return {name: float(found[f"{name}_us"]) / BATCH for name in ("p50", "low", "high")}
 
 
-def _candidates(robot: Robot, length: int) -> dict[str, _Lap]:
+def _candidates(robot: hp.Robot, length: int) -> dict[str, _Lap]:
     """What is timed, ready to begin."""
-    model, terms = robot.model, Dynamics(robot)
+    model, terms = robot.model, hp.Dynamics(robot)
     data = model.createData()
-    q, v = Standing(robot).initial_state(penetration=DEPTH)
+    q, v = hp.Standing(robot).initial_state(penetration=DEPTH)
     terms.update(q, v)
     inertia = np.diag(terms.mass_matrix)[6:]
     hold: dict[str, Any] = {
@@ -131,8 +117,10 @@ def _candidates(robot: Robot, length: int) -> dict[str, _Lap]:
         "k_p": STIFF * inertia,
         "k_d": DAMPED * inertia,
     }
-    command = Command(np.zeros(len(robot.joints)), np.zeros((len(robot.thrusters), 3)), **hold)
-    ground = Ground(mu_s=0.8, stiffness=robot.mass * GRAVITY / (DEPTH * len(robot.feet)))
+    command = hp.Command(np.zeros(len(robot.joints)), np.zeros((len(robot.thrusters), 3)), **hold)
+    ground = hp.Ground(
+        mu_s=0.8, stiffness=robot.mass * hp.simulation.GRAVITY / (DEPTH * len(robot.feet))
+    )
     tau, speed = np.zeros(model.nv), 0.1 * np.ones(model.nv)
 
     def batch(call: Callable[[], Any]) -> Callable[[], None]:
@@ -142,14 +130,14 @@ def _candidates(robot: Robot, length: int) -> dict[str, _Lap]:
 
         return calls
 
-    def steps(plant: Simulator | PinocchioPlant) -> _Lap:
+    def steps(plant: hp.Simulator | hp.simulation.PinocchioPlant) -> _Lap:
         return _Lap(lambda: plant.advance(command, steps=BATCH), lambda: plant.reset(q, v), length)
 
     found = {
         "aba": _Lap(batch(lambda: pin.aba(model, data, q, speed, tau)), lambda: None, length),
         "own": _Lap(batch(lambda: terms.update(q, speed)), lambda: None, length),
-        "compliant": steps(Simulator(robot, ground)),
-        "pinocchio": steps(PinocchioPlant(robot, ground)),
+        "compliant": steps(hp.Simulator(robot, ground)),
+        "pinocchio": steps(hp.simulation.PinocchioPlant(robot, ground)),
     }
     if installed_version() is not None:
         mujoco, plant = import_mujoco(), MujocoPlant(robot, ground)

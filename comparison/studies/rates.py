@@ -13,22 +13,16 @@ from typing import Any
 
 import numpy as np
 
+import harpy_pin as hp
 from comparison.study import Job, Study, View, grid, shown
-from harpy_pin import Ground, make_gait
 from harpy_pin.contrib.batch import CondensedBatch
-from harpy_pin.gaits import Standing
-from harpy_pin.ground import Stairs
 from harpy_pin.kernels.kernels import wait_for_all
-from harpy_pin.log.run import Run
-from harpy_pin.model.robot import Robot
 from harpy_pin.model.source import loaded_robot
-from harpy_pin.scenario import Scenario, build
-from harpy_pin.view import Viewer
 
 GROUNDS = {
-    "flat": Ground(mu_s=0.6),
-    "up a slope of 10°": Ground(mu_s=0.6, slope=float(np.radians(10.0))),
-    "up stairs": Ground(mu_s=0.6, terrain=Stairs(rise=0.05)),
+    "flat": hp.Ground(mu_s=0.6),
+    "up a slope of 10°": hp.Ground(mu_s=0.6, slope=float(np.radians(10.0))),
+    "up stairs": hp.Ground(mu_s=0.6, terrain=hp.ground.Stairs(rise=0.05)),
 }
 VIEWED = 1000
 """Ticks of a round that is viewed."""
@@ -36,8 +30,10 @@ SHORTER = 10.0
 """Longest walk on one of them, and longest one whose states make a batch, s."""
 
 
-def _walk(seconds: float) -> Run:
-    return build(Scenario(controller="condensed", ground=Ground(mu_s=0.25), duration=seconds)).run()
+def _walk(seconds: float) -> hp.Run:
+    return hp.build(
+        hp.Scenario(controller="condensed", ground=hp.Ground(mu_s=0.25), duration=seconds)
+    ).run()
 
 
 def _rates(count: float, rounds: int, work: Callable[[], Any]) -> list[float]:
@@ -57,7 +53,7 @@ def _real_time(settings: Job) -> list[float]:
     return _rates(settings["seconds"], settings["rounds"], lambda: _walk(settings["seconds"]))
 
 
-def _ticks(walk: Run) -> list[float]:
+def _ticks(walk: hp.Run) -> list[float]:
     """µs of each tick after the first second, of which a clock's reading is a part."""
     return [float(ns) * 1e-3 for ns in walk["tick_ns"][1000:]]
 
@@ -68,7 +64,7 @@ def _ticks_on_terrain(rounds: int, seconds: float) -> dict[str, list[float]]:
     found: dict[str, list[float]] = {name: [] for name in GROUNDS}
     for _ in range(rounds):
         for name, ground in GROUNDS.items():
-            found[name] += _ticks(build(Scenario(ground=ground, duration=seconds)).run())
+            found[name] += _ticks(hp.build(hp.Scenario(ground=ground, duration=seconds)).run())
     return found
 
 
@@ -76,9 +72,9 @@ def _shares_of_a_viewer(settings: Job) -> list[float]:
     """µs of the loop's own thread that a viewer takes of a tick, a percentile of each round's
     ticks.
     """
-    walk = build(Scenario(controller="condensed", ground=Ground(mu_s=0.25)))
+    walk = hp.build(hp.Scenario(controller="condensed", ground=hp.Ground(mu_s=0.25)))
     plant, controller, found = walk.simulator, walk.controller, []
-    with Viewer(walk.gait.robot, ground=plant.ground) as viewer:
+    with hp.view.Viewer(walk.gait.robot, ground=plant.ground) as viewer:
         for _ in range(settings["rounds"]):
             taken = []
             for _ in range(VIEWED):
@@ -109,18 +105,18 @@ def _environments(settings: Job) -> list[float]:
     return rates[1:]  # the first compiles
 
 
-def _optima(robot: Robot, dtype: Any, settings: Job) -> list[float]:
+def _optima(robot: hp.Robot, dtype: Any, settings: Job) -> list[float]:
     """Optima at states of a walk or, of another robot, of standing with its weight shifted."""
     random, n = np.random.default_rng(settings["seed"]), settings["size"]
     batch = CondensedBatch(robot, n, dtype=dtype)
     if robot.name == "harpy":
-        walk, gait = _walk(min(settings["seconds"], SHORTER)), make_gait(robot, speed=0.3)
+        walk, gait = _walk(min(settings["seconds"], SHORTER)), hp.make_gait(robot, speed=0.3)
         chosen = random.integers(1000, len(walk), (n,))
         q, v, force = (walk[name][chosen].astype(dtype) for name in ("q", "v", "foot_force"))
         for i, row in enumerate(chosen):
             batch.targets.fill(gait.update(float(walk["t"][row])), i)
     else:
-        standing = Standing(robot)
+        standing = hp.Standing(robot)
         q = np.tile(standing.initial_state()[0], (n, 1)).astype(dtype)
         q[:, 7:] += 0.02 * random.standard_normal((n, q.shape[1] - 7)).astype(dtype)
         v = 0.05 * random.standard_normal((n, robot.model.nv)).astype(dtype)

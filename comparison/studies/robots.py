@@ -19,7 +19,6 @@ import harpy_pin as hp
 from comparison.contenders import OWN_PART
 from comparison.measure.replay import time_ticks
 from comparison.study import Job, Study, Value, View, grid, shown, where
-from harpy_pin.model.catalogue import CATALOGUE
 from harpy_pin.model.state import Vector
 
 GRAVITY = 9.81
@@ -175,7 +174,7 @@ STUDY = Study(
     help=__doc__,
     example="--only g1 --json g1.json",
     defaults={
-        "robots": tuple(CATALOGUE),
+        "robots": tuple(hp.model.CATALOGUE),
         "friction": 0.5,  # of the ground, which the controllers know
         "duration": 3.0,  # of a run, s
         "pushes": (

@@ -20,18 +20,14 @@ import numpy as np
 import pinocchio as pin
 from scipy.optimize import brentq, linprog
 
+import harpy_pin as hp
 from comparison.contenders import LIMITED, OWN, OWN_PART
 from comparison.measure.walking import Rows, grouped, walk_as_far_as_it_goes
 from comparison.study import Job, Study, View, grid, kept, mean
-from harpy_pin import Ground, Robot, Scenario, Standing, Straight, load_robot, make_gait
-from harpy_pin.gaits import OnTerrain
-from harpy_pin.ground import Plane
 from harpy_pin.ground.ground import walking_stiffness
 from harpy_pin.model.source import loaded_robot
 from harpy_pin.model.state import Vector
-from harpy_pin.scenario import Stand
 from harpy_pin.view.palette import CONTACT, SLIDING, THRUST
-from harpy_pin.wbc import WholeBodyLimits
 from harpy_pin.wbc.weights import thrust_box
 
 FACES = 32
@@ -57,7 +53,7 @@ def static_bound(degrees: float, friction: float, name: str = "harpy") -> tuple[
         Whether the robot stands without thrust, and the least sum of its thrusts' components, N;
         none where it cannot stand with thrust either.
     """
-    robot, normal = _robot(name), Plane(slope=float(np.radians(degrees))).normal(0.0, 0.0)
+    robot, normal = _robot(name), hp.ground.Plane(slope=float(np.radians(degrees))).normal(0.0, 0.0)
     found: dict[bool, list[float]] = {}
     for thrust in {False, bool(robot.thrusters)}:
         every = (
@@ -78,8 +74,8 @@ def _postures(name: str, degrees: float) -> list[Vector]:
     far as legs reach.
     """
     robot, slope = _robot(name), float(np.radians(degrees))
-    gait = make_gait(robot, speed=0.0) if name == "harpy" else Standing(robot)
-    start = OnTerrain(gait, Plane(slope=slope)).initial_state()[0]
+    gait = hp.make_gait(robot, speed=0.0) if name == "harpy" else hp.Standing(robot)
+    start = hp.OnTerrain(gait, hp.ground.Plane(slope=slope)).initial_state()[0]
     feet = _feet(robot, start)[0]
 
     def above(x: float) -> float:
@@ -105,7 +101,7 @@ def _postures(name: str, degrees: float) -> list[Vector]:
     return postures
 
 
-def _moved(robot: Robot, start: Vector, x: float, rise: float) -> Vector:
+def _moved(robot: hp.Robot, start: Vector, x: float, rise: float) -> Vector:
     """A posture with the body moved ahead and up, and the feet where they are."""
     goal, q = _feet(robot, start)[0], start.copy()
     q[:3] += (x, 0.0, rise)
@@ -119,7 +115,7 @@ def _moved(robot: Robot, start: Vector, x: float, rise: float) -> Vector:
     return q
 
 
-def _feet(robot: Robot, q: Vector) -> tuple[Vector, Vector]:
+def _feet(robot: hp.Robot, q: Vector) -> tuple[Vector, Vector]:
     """Places of the feet, and their Jacobian, world axes."""
     jacobians, data = _jacobians(robot, q, robot.feet), _data(robot)
     return np.array([data.oMf[robot.frame_id(name)].translation for name in robot.feet]), np.vstack(
@@ -128,12 +124,12 @@ def _feet(robot: Robot, q: Vector) -> tuple[Vector, Vector]:
 
 
 @cache
-def _data(robot: Robot) -> pin.Data:
+def _data(robot: hp.Robot) -> pin.Data:
     """Work space of Pinocchio, overwritten by the next call."""
     return robot.model.createData()
 
 
-def _jacobians(robot: Robot, q: Vector, frames: tuple[str, ...]) -> list[Vector]:
+def _jacobians(robot: hp.Robot, q: Vector, frames: tuple[str, ...]) -> list[Vector]:
     """(3, nv) of each frame, world axes."""
     model, data = robot.model, _data(robot)
     pin.computeJointJacobians(model, data, q)
@@ -145,7 +141,7 @@ def _jacobians(robot: Robot, q: Vector, frames: tuple[str, ...]) -> list[Vector]
 
 
 def _least_thrust(
-    robot: Robot, q: Vector, normal: Vector, friction: float, *, thrust: bool
+    robot: hp.Robot, q: Vector, normal: Vector, friction: float, *, thrust: bool
 ) -> float | None:
     """Least sum of the thrusts' components with which a posture is in balance, N; none where there
     is none.
@@ -164,7 +160,9 @@ def _least_thrust(
     cones = np.zeros((len(robot.feet) * FACES, len(jacobian)))
     for k in range(len(robot.feet)):
         cones[FACES * k : FACES * (k + 1), 3 * k : 3 * k + 3] = pyramid
-    limit = thrust_box(robot, WholeBodyLimits())[1] * thrust if robot.thrusters else np.zeros(0)
+    limit = (
+        thrust_box(robot, hp.wbc.WholeBodyLimits())[1] * thrust if robot.thrusters else np.zeros(0)
+    )
     legs = jacobian[:, 6:].T
     found = linprog(
         np.concatenate((np.zeros(feet), np.ones(2 * len(limit)))),
@@ -223,19 +221,19 @@ def _measured(job: Job) -> dict[str, Any]:
     """The bound, how it ended, slip and thrust."""
     degrees, friction, who = job["degrees"], job["friction"], WALKERS[job["walker"]]
     without_thrust, least_thrust = static_bound(degrees, friction, who.robot)
-    given: dict[str, Any] = {"gait": Straight(speed=who.speed)}
-    points, stiffness = 1, Ground.stiffness
+    given: dict[str, Any] = {"gait": hp.Straight(speed=who.speed)}
+    points, stiffness = 1, hp.Ground.stiffness
     if who.robot != "harpy":
-        robot = load_robot(who.robot)
+        robot = hp.load_robot(who.robot)
         points, stiffness = len(robot.feet) // len(robot.corners), walking_stiffness(robot)
-        given = {"robot": who.robot, "gait": Stand()}
-    ground = Ground(
+        given = {"robot": who.robot, "gait": hp.scenario.Stand()}
+    ground = hp.Ground(
         mu_s=friction,
-        terrain=Plane(slope=np.radians(degrees), heading=who.heading),
+        terrain=hp.ground.Plane(slope=np.radians(degrees), heading=who.heading),
         stiffness=stiffness,
     )
     run = walk_as_far_as_it_goes(
-        Scenario(**given, controller=who.controller, ground=ground, duration=job["duration"])
+        hp.Scenario(**given, controller=who.controller, ground=ground, duration=job["duration"])
     )
     thrust = np.linalg.norm(run["thrust"], axis=2).sum(axis=1)
     slip = 1e3 * float(run["slip_path"][-1].sum()) / points  # of a sole the mean of its corners

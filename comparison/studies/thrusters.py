@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+import harpy_pin as hp
 from comparison.contenders import LIMITED, OWN_PART, published_parameters
 from comparison.measure.walking import Rows, walk_as_far_as_it_goes
 from comparison.studies.limits import slip_or_falls
@@ -32,8 +33,6 @@ from comparison.study import (
     starts,
 )
 from comparison.tables import Cell, Table, number_text
-from harpy_pin import Actuators, Disturbances, Ground, Scenario, Thrusters
-from harpy_pin.controllers.parameters import GovernedParameters
 from harpy_pin.log.optional import given_thrust
 from harpy_pin.simulation.mujoco import installed_version
 
@@ -67,22 +66,22 @@ def _jobs(s: Any) -> Iterator[Job]:
                 yield job
 
 
-def scenario(job: Job) -> Scenario:
+def scenario(job: Job) -> hp.Scenario:
     """What is walked."""
     failing = None if job["failing"] is None else (0, FAILS_AT, job["failing"])
-    thrusters = Thrusters(lag=job["lag"], turning_lag=job["turning_lag"], failing=failing)
-    actuators = Actuators(bandwidth=job["bandwidth"], torque_share=1.0, thrusters=thrusters)
+    thrusters = hp.Thrusters(lag=job["lag"], turning_lag=job["turning_lag"], failing=failing)
+    actuators = hp.Actuators(bandwidth=job["bandwidth"], torque_share=1.0, thrusters=thrusters)
     lags = {"thrust_lag": job["lag"], "thrust_turning_lag": job["turning_lag"]}
     part = WALKERS[job["walker"]]
     known = (
         {"parameters": {**part.get("parameters", {}), **lags}} if "knows" in job["walker"] else {}
     )
-    return Scenario(
+    return hp.Scenario(
         gait={"name": "hand"},
         controller={**part, **known},
         plant=PLANTS[job["plant"]],
-        ground=Ground(mu_s=job["friction"]),
-        disturbances=Disturbances(actuators=actuators, start_velocity=start_velocity(job)),
+        ground=hp.Ground(mu_s=job["friction"]),
+        disturbances=hp.Disturbances(actuators=actuators, start_velocity=start_velocity(job)),
         duration=job["duration"],
     )
 
@@ -126,7 +125,7 @@ def _view(name: str, title: str, what: Value, note: str) -> View:
 
 def _margins(rows: Rows) -> Iterable[Table]:
     """Lags that the linear argument allows where only thrusts act."""
-    governed, p = GovernedParameters(), published_parameters()
+    governed, p = hp.controllers.GovernedParameters(), published_parameters()
     loops = {
         "paper: position": (
             float(np.max(governed.centre.k_pt)),
