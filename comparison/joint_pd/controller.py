@@ -35,6 +35,7 @@ from harpy_pin.model.legs import legs
 from harpy_pin.model.record import RecordOf, field, make_record, sized
 from harpy_pin.model.state import Vector
 from harpy_pin.model.terms import update_terms
+from harpy_pin.model.vectors import rotation_in_plane, skew
 
 GAINS_FILE = Path(__file__).with_name("gains.json")
 """What the search wrote: gains by robot, and what they came to."""
@@ -259,13 +260,10 @@ def joint_torques(
         r.planned[:] = q
         r.begun = 1
     r.higher -= LOWERING * r.period * r.higher
-    for i in range(7):
-        r.planned[i] = q[i]
+    r.planned[:7] = q[:7]
     update_terms(r.target, r.planned, r.rest)
     r.acceleration[:] = 0.0
-    turned = r.dynamics.tree.rotation
-    for i in range(3):
-        r.acceleration[i] = turned[0, i] * o.body[6] + turned[1, i] * o.body[7]
+    r.acceleration[:3] = r.dynamics.tree.rotation[:2].T @ o.body[6:8]
     for k in range(o.stance.shape[0]):
         _foot_goal(r, p, o, v, k)
     for leg in range(r.joint.shape[0]):
@@ -278,30 +276,17 @@ def joint_torques(
 @kernel
 def _foot_goal(r: JointPDRecord, p: WalkingRecord, o: GaitTargetRecord, v: Vector, k: int) -> None:
     """Place and velocity of a foot in the body: in an upright one if it is a stance foot."""
-    turned, frame, spin = r.dynamics.tree.rotation, np.zeros((3, 3)), np.zeros(3)
-    place, rate = np.empty(3), np.empty(3)
-    for i in range(3):
-        place[i], rate[i] = o.foot_position[k, i], o.foot_velocity[k, i]
+    frame, spin, place, rate = np.zeros((3, 3)), np.zeros(3), np.empty(3), np.empty(3)
+    place[:], rate[:] = o.foot_position[k], o.foot_velocity[k]
     if o.stance[k] != 0.0:
-        c, s = np.cos(o.heading[0]), np.sin(o.heading[0])
-        frame[0, 0], frame[0, 1], frame[1, 0], frame[1, 1], frame[2, 2] = c, -s, s, c, 1.0
-        spin[2] = o.heading[1]
+        frame[:2, :2], frame[2, 2], spin[2] = rotation_in_plane(o.heading[0]), 1.0, o.heading[1]
         place[2] -= p.height + r.higher + p.raised + mean_felt(p) - o.body[2]
-        for i in range(2):
-            rate[i] -= r.follow * (p.desired[i] - o.body[3 + i])
+        rate[:2] -= r.follow * (p.desired - o.body[3:5])
         rate[2] -= p.velocity[3] - LOWERING * r.higher - o.body[5]
     else:
-        frame[:] = turned
-        for i in range(3):
-            spin[i] = v[3 + i]
-    for i in range(3):
-        r.place[k, i] = r.rate[k, i] = 0.0
-        for j in range(3):
-            r.place[k, i] += frame[j, i] * place[j]
-            r.rate[k, i] += frame[j, i] * rate[j]
-    for i in range(3):
-        j, n = (i + 1) % 3, (i + 2) % 3
-        r.rate[k, i] -= spin[j] * r.place[k, n] - spin[n] * r.place[k, j]
+        frame[:], spin[:] = r.dynamics.tree.rotation, v[3:6]
+    r.place[k] = frame.T @ place
+    r.rate[k] = frame.T @ rate - np.cross(spin, r.place[k])
 
 
 @kernel
@@ -312,26 +297,22 @@ def _inverse_kinematics(r: JointPDRecord, o: GaitTargetRecord, q: Vector, leg: i
     turned, first, joint = r.dynamics.tree.rotation, leg * r.corners, r.joint[leg]
     _leg_jacobian(r, r.target, leg)
     for c in range(r.corners):
-        for i in range(3):
-            r.error[3 * c + i] = r.place[first + c, i]
-            for j in range(3):
-                r.error[3 * c + i] -= turned[j, i] * (r.target.foot_position[first + c, j] - q[j])
+        error = r.error[3 * c : 3 * c + 3]
+        error[:] = r.place[first + c]
+        for j in range(3):
+            error -= turned[j] * (r.target.foot_position[first + c, j] - q[j])
     _solve(r)
     for i in range(joint.shape[0]):
         r.planned[joint[i] + 1] += r.change[i]
     for c in range(r.corners):
-        for i in range(3):
-            r.error[3 * c + i] = r.rate[first + c, i]
+        r.error[3 * c : 3 * c + 3] = r.rate[first + c]
     _solve(r)
     for i in range(joint.shape[0]):
         r.speed[joint[i]] = min(max(r.change[i], -FAST), FAST)
     if o.stance[first] == 0.0:
         _leg_jacobian(r, r.dynamics, leg)
         for c in range(r.corners):
-            for i in range(3):
-                r.error[3 * c + i] = 0.0
-                for j in range(3):
-                    r.error[3 * c + i] += turned[j, i] * o.foot_acceleration[first + c, j]
+            r.error[3 * c : 3 * c + 3] = turned.T @ o.foot_acceleration[first + c]
         _solve(r)
         for i in range(joint.shape[0]):
             r.acceleration[joint[i]] = r.change[i]
@@ -340,14 +321,10 @@ def _inverse_kinematics(r: JointPDRecord, o: GaitTargetRecord, q: Vector, leg: i
 @kernel
 def _leg_jacobian(r: JointPDRecord, d: DynamicsRecord, leg: int) -> None:
     """Motion of a leg's contact points in the body by its joints."""
-    turned, joint = d.tree.rotation, r.joint[leg]
     for c in range(r.corners):
-        for i in range(3):
-            for n in range(joint.shape[0]):
-                r.jacobian[3 * c + i, n] = 0.0
-                for j in range(3):
-                    row = 3 * (leg * r.corners + c) + j
-                    r.jacobian[3 * c + i, n] += turned[j, i] * d.foot_jacobian[row, joint[n]]
+        row = 3 * (leg * r.corners + c)
+        moved = d.foot_jacobian[row : row + 3, r.joint[leg]]
+        r.jacobian[3 * c : 3 * c + 3] = d.tree.rotation.T @ moved
 
 
 @kernel
@@ -355,18 +332,12 @@ def _solve(r: JointPDRecord) -> None:
     """Jᵀ (J Jᵀ + λ)⁻¹ error: change of the joints that moves a leg's contact points so, as far as
     it can.
     """
-    rows, chain = r.jacobian.shape[0], r.jacobian.shape[1]
-    for i in range(rows):
-        for j in range(rows):
-            r.square[i, j] = r.damping if i == j else 0.0
-            for c in range(chain):
-                r.square[i, j] += r.jacobian[i, c] * r.jacobian[j, c]
+    r.square[:] = r.damping * np.eye(r.square.shape[0])
+    for c in range(r.jacobian.shape[1]):
+        r.square += np.outer(r.jacobian[:, c], r.jacobian[:, c])
     factorise(r.square, r.square)
     solve_vector(r.square, r.error)
-    for i in range(chain):
-        r.change[i] = 0.0
-        for j in range(rows):
-            r.change[i] += r.jacobian[j, i] * r.error[j]
+    r.change[:] = r.jacobian.T @ r.error
 
 
 @kernel
@@ -374,33 +345,29 @@ def _contact_forces(r: JointPDRecord, p: WalkingRecord, o: GaitTargetRecord) -> 
     """Least forces of the stance feet for the body's acceleration and no moment, as far as their
     places allow.
     """
-    m, square, x, grasp = p.measured, np.zeros((6, 6)), np.zeros(6), np.zeros((6, 3))
+    square, x, grasp = np.zeros((6, 6)), np.zeros(6), np.zeros((6, 3))
     for i in range(6):
         square[i, i] = TINY if i < 3 else MOMENT * MOMENT
     for k in range(o.stance.shape[0]):
         if o.stance[k] != 0.0:
             share = share_of_load(o, k, r.double_support) * o.load[k]
             _grasp(r, p, k, grasp)
-            for i in range(6):
-                for j in range(6):
-                    for c in range(3):
-                        square[i, j] += share * grasp[i, c] * grasp[j, c]
-    x[0], x[1], x[2] = r.mass * p.demand[0], r.mass * p.demand[1], r.mass * GRAVITY
+            for c in range(3):
+                square += np.outer(share * grasp[:, c], grasp[:, c])
+    x[:3] = r.mass * np.array((p.demand[0], p.demand[1], GRAVITY))
     factorise(square, square)
     solve_vector(square, x)
-    for k in range(m.point.shape[0]):
+    for k in range(o.stance.shape[0]):
         f = r.force[3 * k : 3 * k + 3]
         f[:] = 0.0
         if o.stance[k] != 0.0:
             share = share_of_load(o, k, r.double_support) * o.load[k]
             _grasp(r, p, k, grasp)
-            for c in range(3):
-                for i in range(6):
-                    f[c] += share * grasp[i, c] * x[i]
+            f[:] = (share * grasp).T @ x
             f[2] = max(f[2], 0.0)
             across = np.hypot(f[0], f[1])
             if across > r.mu * f[2]:
-                f[0], f[1] = r.mu * f[2] / across * f[0], r.mu * f[2] / across * f[1]
+                f[:2] = r.mu * f[2] / across * f[:2]
 
 
 @kernel
@@ -408,30 +375,23 @@ def _grasp(r: JointPDRecord, p: WalkingRecord, k: int, out: Vector) -> None:
     """(6, 3) force, and moment about the centre of mass in heights of the robot, of a force on a
     foot.
     """
-    m = p.measured
-    x, y = (m.point[k, 0] - m.centre[0]) / r.rise, (m.point[k, 1] - m.centre[1]) / r.rise
-    z = (m.point[k, 2] - m.centre[2]) / r.rise
-    out[:] = 0.0
-    for i in range(3):
-        out[i, i] = 1.0
-    out[3, 1], out[3, 2], out[4, 0], out[4, 2], out[5, 0], out[5, 1] = -z, y, z, -x, -y, x
+    out[:3] = np.eye(3)
+    out[3:] = skew((p.measured.point[k] - p.measured.centre[:3]) / r.rise)
 
 
 @kernel
 def _add_up(r: JointPDRecord, o: GaitTargetRecord, q: Vector, v: Vector) -> None:
     """Feedforward, stiffness and damping, within the motors' limits."""
     d = r.dynamics
+    r.torque[:] = d.bias[6:]
+    for i in range(r.acceleration.shape[0]):
+        r.torque += d.mass_matrix[6:, i] * r.acceleration[i]
+    for i in range(r.force.shape[0]):
+        r.torque -= d.foot_jacobian[i, 6:] * r.force[i]
     for j in range(r.torque.shape[0]):
-        r.torque[j] = d.bias[6 + j]
-        for i in range(r.acceleration.shape[0]):
-            r.torque[j] += d.mass_matrix[6 + j, i] * r.acceleration[i]
-        for i in range(r.force.shape[0]):
-            r.torque[j] -= d.foot_jacobian[i, 6 + j] * r.force[i]
         air = r.leg[j] >= 0 and o.stance[max(r.leg[j], 0) * r.corners] == 0.0
         stiffness, damping = (r.swing_p, r.swing_d) if air else (r.stance_p, r.stance_d)
-        stiffness, damping = r.share[j] * stiffness, r.share[j] * damping
-        r.torque[j] += stiffness * (r.planned[7 + j] - q[7 + j]) + damping * (
-            r.speed[6 + j] - v[6 + j]
-        )
-    for j in range(r.torque.shape[0]):
-        r.torque[j] = min(max(r.torque[j], -r.limit[j]), r.limit[j])
+        r.torque[j] += r.share[j] * stiffness * (r.planned[7 + j] - q[7 + j]) + r.share[
+            j
+        ] * damping * (r.speed[6 + j] - v[6 + j])
+    r.torque[:] = np.clip(r.torque, -r.limit, r.limit)

@@ -18,7 +18,6 @@ import numpy as np
 import harpy_pin as hp
 from comparison.measure.walking import StateSequence, record_states, recorded_walk
 from comparison.peers.peer_problem import Case, common_program
-from harpy_pin.gaits.fitting import GRAVITY
 
 FRICTION = 0.6
 """Of the ground of all but Harpy."""
@@ -103,7 +102,9 @@ def _recorded(name: str, gait: hp.Gait, duration: float, least: int, push: float
     )
     ground = hp.Ground(mu_s=FRICTION)
     if push:
-        ground = hp.Ground(mu_s=FRICTION, stiffness=robot.mass * GRAVITY / (len(robot.feet) * SINK))
+        ground = hp.Ground(
+            mu_s=FRICTION, stiffness=robot.mass * hp.simulation.GRAVITY / (len(robot.feet) * SINK)
+        )
     disturbances = hp.Disturbances(pushes=pushes)
     scenario = hp.Scenario(
         controller="condensed", ground=ground, disturbances=disturbances, duration=duration

@@ -11,15 +11,16 @@ from typing import Any
 
 import numpy as np
 
+import harpy_pin as hp
 from comparison.measure.timing import TimingSettings, describe_all_versions, describe_machine
-from comparison.measure.walking import stage
+from comparison.measure.walking import Rows, stage
 from comparison.peers.cases import cases
 from comparison.peers.environment import NOT_INSTALLED
 from comparison.peers.measure_peer import PROCESSORS, TOLERANCE, Row, measure_ours, measure_peer
 from comparison.peers.peer_problem import Case, PeerProblem, make_problem
-from comparison.tables import Cell, Table, percentiles
+from comparison.study import Value, View, shown
+from comparison.tables import PERCENTILES, Cell, Table
 from harpy_pin.files import finite
-from harpy_pin.gaits.fitting import GRAVITY
 
 RECORDING = 3.0
 """Length of a recording, s."""
@@ -75,7 +76,7 @@ def _describe(case: Case, problem: PeerProblem) -> dict[str, Any]:
     slack = problem.settings["mu"] * expected.force[..., 2] - np.abs(expected.force[..., :2]).max(
         axis=-1
     )
-    load = expected.force[counts][..., 2].sum(axis=1) / (robot.mass * GRAVITY)
+    load = expected.force[counts][..., 2].sum(axis=1) / (robot.mass * hp.simulation.GRAVITY)
     return {
         "joints": len(robot.joints),
         "contact_points": len(robot.feet),
@@ -150,123 +151,113 @@ def unanswered(peers: Mapping[str, Any]) -> list[str]:
 
 
 UNITS = {"acceleration": "m/s², rad/s²", "torque": "N·m", "force": "N", "thrust": "N"}
-_WHERE = {"tick": "from Python", "inside": "inside C"}
-_KEPT = ("p50", "p99", "max")
-_POSED = {
-    "joints": "joints",
-    "contact_points": "contact points",
-    "ticks": "ticks",
-    "contact_changes": "contact changes",
-    "load_median": "load over weight, median",
-    "load_least": "least",
-    "friction_active": "points on their cone, share",
-    "torque_active": "ticks at a torque limit",
-    "unsolved_by_us": "not solved by us",
-}
+_KEPT = {key: name for key, name in PERCENTILES.items() if name in ("p50", "p99", "max")}
+
+
+def _time(key: str, *kinds: str) -> Value:
+    """Of one contender the percentile of the first of these kinds of tick that it has."""
+
+    def cell(rows: Rows) -> Cell | None:
+        found = [rows[0]["times"][kind] for kind in kinds if kind in rows[0].get("times", {})]
+        if not found:
+            return None
+        spread = [found[0][name] for name in ("low_us", "high_us") if key == "p50_us"]
+        return Cell("", "", found[0][key], "µs", *spread)
+
+    return cell
+
+
+def _largest(quantity: str) -> Value:
+    return lambda rows: rows[0]["difference_max"].get(quantity)
+
+
+def _file_name(row: dict[str, Any]) -> str:
+    return f"peers_{row['case']}".replace(",", "").replace(" ", "_")
+
+
+_LIMITS = ", ".join(f"{name} {value:g} {UNITS[name]}" for name, value in TOLERANCE.items())
+_OF_CONTENDERS = (
+    View(
+        "peers",
+        "Peers: complete tick of the same program, p50, µs",
+        row="{case}",
+        across="{name}",
+        columns=_time("p50_us", "tick", "inside"),  # as a user has it
+        note="TSID inside C++, all others called from Python. In brackets: least and largest "
+        "median of a repetition. A walk goes through touchdown and lift-off. Our tick includes the "
+        "gait, a peer's is given targets. Torque limits are rows of everybody's program. Ours is "
+        "compiled for this processor, and as in wheels; peers are their wheels.",
+        only=lambda row: bool(row.get("times")),
+    ),
+    View(
+        _file_name,
+        "Peers, {case}: complete tick, µs",
+        row="{name}",
+        columns={
+            **{
+                f"{where}, {name}": _time(key, kind)
+                for kind, where in (("tick", "from Python"), ("inside", "inside C"))
+                for key, name in _KEPT.items()
+            },
+            "no times": lambda rows: rows[0]["reason"] or None,
+        },
+        note="Inside C: ours without the call from Python, the gait included; TSID's driver, which "
+        "is C++ throughout; placo's two calls, update_kinematics and solve, without what Python "
+        "sets before them.",
+    ),
+    View(
+        "peers_check",
+        "Peers: differences from our solution of the same program",
+        row="{case}: {name}",
+        columns={
+            "ticks": shown("compared"),
+            "differing": shown("differing"),
+            **{f"{name}, largest": (_largest(name), unit) for name, unit in UNITS.items()},
+            "torque, median from ours": (
+                lambda rows: rows[0]["apart"]["median"] if "apart" in rows[0] else None,
+                "N·m",
+            ),
+        },
+        note=f"Times count only if no tick differs by more than: {_LIMITS}. placo's planar contact "
+        "poses another program, in which no bound holds the moment about the normal, and all three "
+        "moments have one weight; it is compared with that one's solutions, and its distance from "
+        "ours is told besides.",
+        only=lambda row: "compared" in row,
+    ),
+)
+_POSED = View(
+    "peers_posed",
+    "Peers: what was posed, over the ticks that count",
+    row="{case}",
+    columns={
+        "joints": shown("joints"),
+        "contact points": shown("contact_points"),
+        "ticks": shown("ticks"),
+        "contact changes": shown("contact_changes"),
+        "load over weight, median": shown("load_median"),
+        "least": shown("load_least"),
+        "points on their cone, share": shown("friction_active"),
+        "ticks at a torque limit": shown("torque_active"),
+        "not solved by us": shown("unsolved_by_us"),
+    },
+)
+_VERSIONS = View(
+    "peers_versions", "Peers: versions", "{name}", shown("version"), across="{package}"
+)
 
 
 def peer_tables(peers: Mapping[str, Any]) -> list[Table]:
     """Medians of all cases, the times of each, differences, what was posed, and versions."""
-    found = peers["cases"]
-    tables = [_medians(peers), *(_times(name, case) for name, case in found.items())]
-    tables += [_differences(peers), _posed(found), _versions(found)]
-    return [table for table in tables if table.cells]
-
-
-def _users_tick(entry: Mapping[str, Any]) -> dict[str, Any] | None:
-    """Times of a tick as a user has it: called from Python where that is how it is called."""
-    times = entry.get("times", {})
-    found: dict[str, Any] | None = times.get("tick", times.get("inside"))
-    return found
-
-
-def _medians(peers: Mapping[str, Any]) -> Table:
-    cells = []
-    for case, found in peers["cases"].items():
-        for name, entry in found["contenders"].items():
-            times = _users_tick(entry)
-            if times is not None:
-                cells.append(
-                    Cell(case, name, times["p50_us"], "µs", times["low_us"], times["high_us"])
-                )
-    note = (
-        "TSID inside C++, all others called from Python. In brackets: least and largest median of "
-        "a repetition. A walk "
-        "goes through touchdown and lift-off. Our tick includes the gait, a peer's is given "
-        "targets. Torque limits are "
-        "rows of everybody's program. Ours is compiled for this processor, and as in wheels; peers "
-        "are their wheels."
-    )
-    return Table("peers", "Peers: complete tick of the same program, p50, µs", tuple(cells), note)
-
-
-def _times(case: str, found: Mapping[str, Any]) -> Table:
-    cells: list[Cell] = []
-    for name, entry in found["contenders"].items():
-        if entry["reason"]:
-            cells.append(Cell(name, "no times", entry["reason"]))
-        for what, times in entry.get("times", {}).items():
-            kept = [cell for cell in percentiles(name, times) if cell.column in _KEPT]
-            cells += [cell._replace(column=f"{_WHERE[what]}, {cell.column}") for cell in kept]
-    note = (
-        "Inside C: ours without the call from Python, the gait included; TSID's driver, which is "
-        "C++ throughout; "
-        "placo's two calls, update_kinematics and solve, without what Python sets before them."
-    )
-    name = case.replace(",", "").replace(" ", "_")
-    return Table(f"peers_{name}", f"Peers, {case}: complete tick, µs", tuple(cells), note)
-
-
-def _differences(peers: Mapping[str, Any]) -> Table:
-    cells: list[Cell] = []
-    for case, found in peers["cases"].items():
-        for name, entry in found["contenders"].items():
-            if "compared" not in entry:
-                continue
-            row = f"{case}: {name}"
-            cells += [
-                Cell(row, "ticks", entry["compared"]),
-                Cell(row, "differing", entry["differing"]),
-            ]
-            cells += [
-                Cell(row, f"{q}, largest", entry["difference_max"].get(q), UNITS[q])
-                for q in TOLERANCE
-            ]
-            if "apart" in entry:
-                cells.append(Cell(row, "torque, median from ours", entry["apart"]["median"], "N·m"))
-    limits = ", ".join(
-        f"{name} {value:g} {UNITS[name]}" for name, value in peers["tolerance"].items()
-    )
-    note = (
-        f"Times count only if no tick differs by more than: {limits}. placo's planar contact poses "
-        f"another program, in "
-        "which no bound holds the moment about the normal, and all three moments have one weight; "
-        "it is compared with "
-        "that one's solutions, and its distance from ours is told besides."
-    )
-    return Table(
-        "peers_check",
-        "Peers: differences from our solution of the same program",
-        tuple(cells),
-        note,
-    )
-
-
-def _posed(found: Mapping[str, Any]) -> Table:
-    cells = [
-        Cell(name, heading, case[key])
-        for name, case in found.items()
-        for key, heading in _POSED.items()
+    cases = [{"case": case, **found} for case, found in peers["cases"].items()]
+    rows = [
+        {"case": case["case"], "name": name, **entry}
+        for case in cases
+        for name, entry in case["contenders"].items()
     ]
-    return Table("peers_posed", "Peers: what was posed, over the ticks that count", tuple(cells))
-
-
-def _versions(found: Mapping[str, Any]) -> Table:
-    versions: dict[tuple[str, str], str] = {}
-    for case in found.values():
-        for name, entry in case["contenders"].items():
-            versions |= {
-                (name, package): version for package, version in entry.get("versions", {}).items()
-            }
-    cells = tuple(Cell(name, package, version) for (name, package), version in versions.items())
-    return Table("peers_versions", "Peers: versions", cells)
+    versions = [
+        {"name": row["name"], "package": package, "version": version}
+        for row in rows
+        for package, version in row.get("versions", {}).items()
+    ]
+    tables = [table for view in _OF_CONTENDERS for table in view.of(rows)]
+    return [*tables, *_POSED.of(cases), *_VERSIONS.of(versions)]

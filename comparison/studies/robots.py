@@ -21,7 +21,6 @@ from comparison.measure.replay import time_ticks
 from comparison.study import Job, Study, Value, View, grid, shown, where
 from harpy_pin.model.state import Vector
 
-GRAVITY = 9.81
 SINK = 1e-3
 """How deep the feet sink in when the robot stands, m: it makes the ground's stiffness."""
 LEAN = 0.3
@@ -102,7 +101,9 @@ def run_standing(
     x, y, z = (robot.mass * part for part in push)
     scenario = hp.Scenario(
         controller=controller,
-        ground=hp.Ground(mu_s=friction, stiffness=robot.mass * GRAVITY / (len(robot.feet) * SINK)),
+        ground=hp.Ground(
+            mu_s=friction, stiffness=robot.mass * hp.simulation.GRAVITY / (len(robot.feet) * SINK)
+        ),
         disturbances=hp.Disturbances(pushes=(hp.Push(PUSH_AT, (x, y, z)),) if any(push) else ()),
         duration=duration,
     )
@@ -153,7 +154,7 @@ def friction_used(run: hp.Run, robot: hp.Robot) -> float:
     """Largest horizontal over normal force of a foot, all its corners together, in stance."""
     starts = np.cumsum((0, *robot.corners))[:-1]
     force = np.add.reduceat(run["foot_force"], starts, axis=1)
-    loaded = force[..., 2] > LOADED * robot.mass * GRAVITY
+    loaded = force[..., 2] > LOADED * robot.mass * hp.simulation.GRAVITY
     ratio = np.linalg.norm(force[..., :2], axis=-1)[loaded] / force[..., 2][loaded]
     return float(ratio.max(initial=0.0))
 

@@ -18,8 +18,7 @@ from typing import Any
 import numpy as np
 
 import harpy_pin as hp
-from comparison.measure.complementary import complementary
-from comparison.measure.estimates import contacts
+from comparison.measure.estimates import complementary, contacts
 from comparison.measure.walking import walk_as_far_as_it_goes
 from comparison.peers.environment import default_folder
 from comparison.studies.walking import BIPEDS, DRAWN, QUADRUPEDS, SIDES, job_of, push_from, scenario

@@ -45,7 +45,6 @@ soles.
 """
 PD_ROBOTS = (*QUADRUPEDS, "bolt")
 """Who has gains for it."""
-GRAVITY = 9.81
 SINK = 2e-3
 """How deep the feet sink in when the robot stands on two of four, m: it makes the ground's
 stiffness.
@@ -109,7 +108,7 @@ def push_from(turn: float, impulse: float, time: float) -> hp.Push:
 
 def ground_of(robot: hp.Robot, friction: float) -> hp.Ground:
     """Ground into which a robot sinks by :data:`SINK`."""
-    return hp.Ground(mu_s=friction, stiffness=robot.mass * GRAVITY / SINK)
+    return hp.Ground(mu_s=friction, stiffness=robot.mass * hp.simulation.GRAVITY / SINK)
 
 
 def scenario(job: Job) -> hp.Scenario:

@@ -6,7 +6,7 @@ import numpy as np
 import pinocchio as pin
 
 import harpy_pin as hp
-from comparison.measure.complementary import complementary
+from comparison.measure.estimates import complementary
 from harpy_pin.log.drift import off
 from harpy_pin.log.run import Run
 
