@@ -4,41 +4,43 @@ writes.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from typing import Any
 
-from comparison.tables import Cell, Table
+from comparison.study import View, shown
+from comparison.tables import Table
+
+_CLAIMS = View(
+    "claims",
+    "The paper's claims",
+    row=lambda row: f"{row['claim']}, {row['gait']}" if row["gait"] else row["claim"],
+    columns={name: shown(name) for name in ("the paper says", "verdict", "number")},
+)
+_INSIDE = View(
+    "vlip_inside",
+    "The paper's first simulation from a start inside the friction cone, with Cartesian references",
+    row="{governor}",
+    columns={
+        "ticks violated": (lambda rows: 100.0 * rows[0]["violation_share"], "%"),
+        "worst": (shown("worst_violation_n"), "N"),
+        **{f"reversals at Δt/{divisor}": (shown(divisor), "1/s") for divisor in "124"},
+    },
+    note="Reversals of the normal force, with the step of 1 ms divided by 1, 2 and 4.",
+)
 
 
 def paper_tables(document: Mapping[str, Any]) -> list[Table]:
-    """Verdicts on the claims, and the runs of the first simulation that start inside the friction
-    cone.
+    """Verdicts on the claims, whose text stands once, and the runs of the first simulation that
+    start inside the friction cone.
     """
-    claims = Table("claims", "The paper's claims", tuple(_claims(document["claims"])))
-    inside = Table(
-        "vlip_inside",
-        "The paper's first simulation from a start inside the friction cone, with Cartesian "
-        "references",
-        tuple(_inside(document["vlip_inside"])),
-        "Reversals of the normal force, with the step of 1 ms divided by 1, 2 and 4.",
-    )
-    return [claims, inside]
-
-
-def _claims(findings: list[Mapping[str, Any]]) -> Iterator[Cell]:
-    said = set()
-    for entry in findings:
-        key, gait = entry["claim"], entry["gait"]
-        row = f"{key}, {gait}" if gait else key
-        yield Cell(row, "the paper says", "" if key in said else entry["text"])
-        yield Cell(row, "verdict", entry["verdict"])
-        yield Cell(row, "number", entry["number"])
-        said.add(key)
-
-
-def _inside(governors: Mapping[str, Mapping[str, Any]]) -> Iterator[Cell]:
-    for governor, entry in governors.items():
-        yield Cell(governor, "ticks violated", 100.0 * entry["violation_share"], "%")
-        yield Cell(governor, "worst", entry["worst_violation_n"], "N")
-        for divisor, reversals in entry["reversals_per_s"].items():
-            yield Cell(governor, f"reversals at Δt/{divisor}", reversals, "1/s")
+    claims = document["claims"]
+    said = [entry["claim"] for entry in claims]
+    findings = [
+        {**entry, "the paper says": "" if entry["claim"] in said[:k] else entry["text"]}
+        for k, entry in enumerate(claims)
+    ]
+    inside = [
+        {"governor": governor, **entry, **entry["reversals_per_s"]}
+        for governor, entry in document["vlip_inside"].items()
+    ]
+    return [*_CLAIMS.of(findings), *_INSIDE.of(inside)]

@@ -21,6 +21,7 @@ from comparison.campaign.store import Store
 from comparison.campaign.walks import scenario
 from comparison.contenders import PAPER, VARIANTS, Point, Range, Variant
 from comparison.measure.walking import Progress, silent, walk_as_far_as_it_goes
+from comparison.study import Value, View, shown, where
 from comparison.tables import Cell, Table, in_columns
 from harpy_pin import Scenario, checks, measure
 from harpy_pin.scenario import Compliant, ControllerPart
@@ -304,29 +305,38 @@ def _hopeless(costs: Sequence[float], best: Sequence[float]) -> bool:
     return bool(best) and sum(costs) > sum(best)
 
 
+_SETTINGS = ("published", "found")
+_SHOWN: dict[str, tuple[Value, str]] = {
+    "falls": (shown("falls"), ""),
+    "slip": (lambda rows: "fell" if (x := rows[0]["slip_median"]) is None else x, "mm"),
+    "tracking": (shown("tracking_median"), "mm"),
+}
+_SCORES = View(
+    "tuning_{which}",
+    "Tuning: {walks} {which} walks each; best of {budget} settings",
+    row="{label}",
+    columns={
+        f"{what}, {settings}": (where(value, settings=settings), unit)
+        for settings in _SETTINGS
+        for what, (value, unit) in _SHOWN.items()
+    },
+    note=_NOTE,
+)
+
+
 def tuning_tables(document: Mapping[str, Any]) -> list[Table]:
     """The scores on training walks and on judging walks, the least slip there, and the settings
     that were found.
     """
     found = document["variants"]
-    tables = []
-    for which in ("training", "judging"):
-        cells: list[Cell] = []
-        for name, entry in found.items():
-            row = VARIANTS[name].label
-            for settings, key in (("published", f"published, {which}"), ("found", which)):
-                score = entry[key]
-                slip = "fell" if score["slip_median"] is None else score["slip_median"]
-                cells += [
-                    Cell(row, f"falls, {settings}", score["falls"]),
-                    Cell(row, f"slip, {settings}", slip, "mm"),
-                ]
-                cells.append(Cell(row, f"tracking, {settings}", score["tracking_median"], "mm"))
-        each = max(entry[which]["walks"] for entry in found.values())
-        title = f"Tuning: {each} {which} walks each; best of {document['budget']} settings"
-        tables.append(Table(f"tuning_{which}", title, tuple(cells), _NOTE))
+    rows = [
+        {"which": which, "label": VARIANTS[name].label, "settings": settings, **entry[key]}
+        for which in ("training", "judging")
+        for name, entry in found.items()
+        for settings, key in zip(_SETTINGS, (f"published, {which}", which), strict=True)
+    ]
     return [
-        *tables,
+        *_SCORES.of([{"budget": document["budget"], **row} for row in rows]),
         _least_table(found),
         *(_settings_table(name, entry) for name, entry in found.items()),
     ]
@@ -360,8 +370,8 @@ def _settings_table(name: str, entry: Mapping[str, Any]) -> Table:
         value = entry["controller"]
         for part in path.split("."):
             value = value.get(part) if isinstance(value, Mapping) else None
-        shown = ", ".join(f"{number:.3g}" for number in value) if isinstance(value, list) else value
+        text = ", ".join(f"{number:.3g}" for number in value) if isinstance(value, list) else value
         row = path.partition(".")[2]
-        cells.append(Cell(row, "found", "as published" if shown is None else shown))
+        cells.append(Cell(row, "found", "as published" if text is None else text))
         cells.append(Cell(row, "multiple", factor if isinstance(factor, float) else None))
     return Table(f"tuning_{name}", f"Settings found: {VARIANTS[name].label}", tuple(cells))
