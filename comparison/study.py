@@ -25,10 +25,54 @@ import numpy as np
 
 from comparison.campaign.plan import code_digest
 from comparison.campaign.store import Store, do_missing
-from comparison.measure.walking import Progress, Rows, silent, walk_as_far_as_it_goes
-from comparison.tables import Cell, Table
+from comparison.measure.walking import (
+    Progress,
+    Rows,
+    as_far_as_it_goes,
+    grouped,
+    scenario_of,
+    silent,
+    walk_as_far_as_it_goes,
+)
+from comparison.tables import Cell, Table, cell_text, in_columns, number_text
 from harpy_pin import Run, Scenario, checks, measure
 from harpy_pin.view.figures import styled
+
+__all__ = [
+    "STARTS",
+    "Cell",
+    "Job",
+    "Progress",
+    "Rows",
+    "Shown",
+    "Study",
+    "Table",
+    "Value",
+    "View",
+    "Words",
+    "as_far_as_it_goes",
+    "cell_text",
+    "commands",
+    "fell",
+    "grid",
+    "grouped",
+    "in_columns",
+    "kept",
+    "mean",
+    "median",
+    "most",
+    "number_text",
+    "scenario_of",
+    "share",
+    "shown",
+    "silent",
+    "start_velocity",
+    "starts",
+    "walk_as_far_as_it_goes",
+    "walking",
+    "where",
+]
+"""All that the file of a study needs, but who walks (:mod:`comparison.contenders`)."""
 
 Job = dict[str, Any]
 """What one walk is; JSON can hold it."""

@@ -7,8 +7,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from comparison.study import View, shown
-from comparison.tables import Table
+from comparison.study import Table, View, shown
 
 _CLAIMS = View(
     "claims",

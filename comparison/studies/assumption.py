@@ -14,9 +14,19 @@ import numpy as np
 
 import harpy_pin as hp
 from comparison.contenders import WALKERS, controller_part, label
-from comparison.measure.walking import Rows, grouped
-from comparison.study import STARTS, Job, Study, View, grid, start_velocity, starts, walking
-from comparison.tables import number_text
+from comparison.study import (
+    STARTS,
+    Job,
+    Rows,
+    Study,
+    View,
+    grid,
+    grouped,
+    number_text,
+    start_velocity,
+    starts,
+    walking,
+)
 
 PUSH = hp.Push(2.0, (0.0, 3.0, 0.0))
 _COLOURS = ("#7a869a", "#c8553d", "#e09f3e", "#8e7cc3", "#4c956c", "#2c6e9b")

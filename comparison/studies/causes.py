@@ -15,9 +15,8 @@ from typing import Any
 
 import numpy as np
 
-from comparison.measure.walking import Rows, grouped
 from comparison.studies.worlds import LASTING, SPEED, fast_walks, random_walk
-from comparison.study import Job, Study, View
+from comparison.study import Job, Rows, Study, View, grouped
 from comparison.worlds.models import FEET, JOINTS, PLAYGROUND, PROPERTIES, ROBOTS, world
 from comparison.worlds.walk import LAW, LAW_CONTACT_DAMPING, walked
 from harpy_pin import WalkingGait

@@ -17,10 +17,20 @@ import numpy as np
 
 import harpy_pin as hp
 from comparison.contenders import BEST, OWN, controller_part, label
-from comparison.measure.walking import Rows, as_far_as_it_goes
 from comparison.studies.grounds import ending_and_slip
-from comparison.study import STARTS, Job, Study, View, grid, start_velocity, starts
-from comparison.tables import Cell, cell_text
+from comparison.study import (
+    STARTS,
+    Cell,
+    Job,
+    Rows,
+    Study,
+    View,
+    as_far_as_it_goes,
+    cell_text,
+    grid,
+    start_velocity,
+    starts,
+)
 from harpy_pin.model.state import Vector
 from harpy_pin.simulation.mujoco import MujocoPlant, SoftContact, installed_version
 

@@ -17,8 +17,7 @@ from typing import Any
 import numpy as np
 
 import harpy_pin as hp
-from comparison.measure.walking import as_far_as_it_goes
-from comparison.study import Job, Study, View, grid, kept, median, share, where
+from comparison.study import Job, Study, View, as_far_as_it_goes, grid, kept, median, share, where
 from harpy_pin.ground.ground import walking_stiffness
 from harpy_pin.model.source import loaded_robot
 

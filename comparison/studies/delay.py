@@ -12,10 +12,8 @@ from typing import Any
 
 import harpy_pin as hp
 from comparison.contenders import published_parameters
-from comparison.measure.walking import Rows, walk_as_far_as_it_goes
 from comparison.studies.margins import joint_loop, joint_mobility, pd_delay_margin
-from comparison.study import Job, Study, View, grid, kept
-from comparison.tables import Cell, Table
+from comparison.study import Cell, Job, Rows, Study, Table, View, grid, kept, walk_as_far_as_it_goes
 
 JOINTS = ("hip, frontal", "hip, sagittal", "knee")
 WALKERS: dict[str, hp.scenario.ControllerPart] = {

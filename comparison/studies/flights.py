@@ -16,9 +16,19 @@ from typing import Any
 import numpy as np
 
 import harpy_pin as hp
-from comparison.measure.walking import Rows, walk_as_far_as_it_goes
-from comparison.study import Job, Shown, Study, Value, View, grid, share, shown
-from comparison.tables import number_text
+from comparison.study import (
+    Job,
+    Rows,
+    Shown,
+    Study,
+    Value,
+    View,
+    grid,
+    number_text,
+    share,
+    shown,
+    walk_as_far_as_it_goes,
+)
 from harpy_pin.contrib.flight import Fly, Flying, Jump
 from harpy_pin.contrib.flight.flying_gait import PHASES
 from harpy_pin.contrib.power import Motors, power

@@ -13,8 +13,7 @@ from typing import Any
 
 import harpy_pin as hp
 from comparison.contenders import OWN, label
-from comparison.measure.walking import Rows, scenario_of
-from comparison.study import Job, Study, View, grid, shown, where
+from comparison.study import Job, Rows, Study, View, grid, scenario_of, shown, where
 from harpy_pin.simulation.mujoco import PRESETS, installed_version
 
 STIFFNESSES = (4e3, 8e3, 16e3, 40e3, 80e3)

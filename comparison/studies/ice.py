@@ -18,8 +18,7 @@ import numpy as np
 
 import harpy_pin as hp
 from comparison.contenders import OWN, OWN_PART, label
-from comparison.measure.walking import Rows
-from comparison.study import Job, Study, View, fell, grid, shown
+from comparison.study import Job, Rows, Study, View, fell, grid, shown
 
 STEP = 0.75
 """Duration of a step of the default gait, s."""

@@ -18,22 +18,22 @@ import numpy as np
 from comparison.campaign.plan import JOINT_DAMPING
 from comparison.campaign.walks import damped_harpy
 from comparison.contenders import LIMITED, OWN_PART
-from comparison.measure.walking import Rows
 from comparison.study import (
     STARTS,
     Job,
+    Rows,
     Study,
     Value,
     View,
     fell,
     grid,
     most,
+    number_text,
     start_velocity,
     starts,
     walking,
     where,
 )
-from comparison.tables import number_text
 from harpy_pin import Actuators, Disturbances, Ground, Scenario
 
 WALKERS: dict[str, Mapping[str, Any]] = {

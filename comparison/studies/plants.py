@@ -19,9 +19,19 @@ import pinocchio as pin
 import harpy_pin as hp
 from comparison.contenders import CONTENDERS, controller_part, short_name
 from comparison.measure.timing import Bench, Laps, TimingSettings, summarise_repetitions
-from comparison.measure.walking import Rows, walk_as_far_as_it_goes
 from comparison.studies.grounds import ending_and_slip
-from comparison.study import STARTS, Job, Study, View, grid, shown, start_velocity, starts
+from comparison.study import (
+    STARTS,
+    Job,
+    Rows,
+    Study,
+    View,
+    grid,
+    shown,
+    start_velocity,
+    starts,
+    walk_as_far_as_it_goes,
+)
 from harpy_pin.model.catalogue import installed_data
 from harpy_pin.simulation.mujoco import MujocoPlant, installed_version
 from harpy_pin.simulation.mujoco.conventions import import_mujoco

@@ -12,10 +12,19 @@ from typing import Any
 import numpy as np
 
 import harpy_pin as hp
-from comparison.measure.walking import Rows, grouped, walk_as_far_as_it_goes
 from comparison.studies.crossings import PLANTS
 from comparison.studies.walking import BIPEDS, QUADRUPEDS, ground_of, push_from
-from comparison.study import Job, Study, View, grid, share, where
+from comparison.study import (
+    Job,
+    Rows,
+    Study,
+    View,
+    grid,
+    grouped,
+    share,
+    walk_as_far_as_it_goes,
+    where,
+)
 
 SIDES, INSTANTS = 8, 4
 """Directions of a push, and instants of a step at which it begins."""

@@ -19,11 +19,10 @@ import numpy as np
 
 import harpy_pin as hp
 from comparison.measure.estimates import complementary, contacts
-from comparison.measure.walking import walk_as_far_as_it_goes
 from comparison.peers.environment import default_folder
 from comparison.studies.walking import BIPEDS, DRAWN, QUADRUPEDS, SIDES, job_of, push_from, scenario
 from comparison.studies.worlds import random_walk
-from comparison.study import Job, Study, View, fell, median, most, where
+from comparison.study import Job, Study, View, fell, median, most, walk_as_far_as_it_goes, where
 from comparison.worlds import walk as others
 from comparison.worlds.models import FEET, ROBOTS
 from harpy_pin.contrib.flight import Flying, Jump

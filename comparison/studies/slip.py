@@ -9,9 +9,17 @@ from __future__ import annotations
 from typing import Any
 
 from comparison.contenders import WALKERS, label
-from comparison.measure.walking import Rows, grouped, scenario_of, walk_as_far_as_it_goes
-from comparison.study import Job, Study, View, grid
-from comparison.tables import number_text
+from comparison.study import (
+    Job,
+    Rows,
+    Study,
+    View,
+    grid,
+    grouped,
+    number_text,
+    scenario_of,
+    walk_as_far_as_it_goes,
+)
 from harpy_pin import measure
 
 _COLOURS = ("#7a869a", "#c8553d", "#e09f3e", "#8e7cc3", "#4c956c", "#2c6e9b", "#1b1b1e")

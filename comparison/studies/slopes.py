@@ -22,8 +22,17 @@ from scipy.optimize import brentq, linprog
 
 import harpy_pin as hp
 from comparison.contenders import LIMITED, OWN, OWN_PART
-from comparison.measure.walking import Rows, grouped, walk_as_far_as_it_goes
-from comparison.study import Job, Study, View, grid, kept, mean
+from comparison.study import (
+    Job,
+    Rows,
+    Study,
+    View,
+    grid,
+    grouped,
+    kept,
+    mean,
+    walk_as_far_as_it_goes,
+)
 from harpy_pin.ground.ground import walking_stiffness
 from harpy_pin.model.source import loaded_robot
 from harpy_pin.model.state import Vector

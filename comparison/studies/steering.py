@@ -13,8 +13,19 @@ from typing import Any
 import numpy as np
 
 from comparison.contenders import OWN, controller_part, short_name
-from comparison.measure.walking import walk_as_far_as_it_goes
-from comparison.study import Job, Study, View, commands, fell, grid, kept, mean, median, most
+from comparison.study import (
+    Job,
+    Study,
+    View,
+    commands,
+    fell,
+    grid,
+    kept,
+    mean,
+    median,
+    most,
+    walk_as_far_as_it_goes,
+)
 from harpy_pin import Commanded, Disturbances, Ground, Push, Scenario
 
 Command = tuple[float, float, float]

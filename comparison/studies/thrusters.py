@@ -17,22 +17,25 @@ import numpy as np
 
 import harpy_pin as hp
 from comparison.contenders import LIMITED, OWN_PART, published_parameters
-from comparison.measure.walking import Rows, walk_as_far_as_it_goes
 from comparison.studies.limits import slip_or_falls
 from comparison.studies.margins import pd_lag_margin
 from comparison.study import (
     STARTS,
+    Cell,
     Job,
+    Rows,
     Study,
+    Table,
     Value,
     View,
     grid,
     kept,
     median,
+    number_text,
     start_velocity,
     starts,
+    walk_as_far_as_it_goes,
 )
-from comparison.tables import Cell, Table, number_text
 from harpy_pin.log.optional import given_thrust
 from harpy_pin.simulation.mujoco import installed_version
 

@@ -20,9 +20,9 @@ import harpy_pin as hp
 from comparison.contenders import OWN, controller_part, label
 from comparison.joint_pd.controller import JointPD, JointPDGains, found_gains
 from comparison.measure.replay import time_ticks
-from comparison.measure.walking import Rows, walk_as_far_as_it_goes
 from comparison.study import (
     Job,
+    Rows,
     Study,
     View,
     commands,
@@ -32,6 +32,7 @@ from comparison.study import (
     median,
     most,
     shown,
+    walk_as_far_as_it_goes,
     where,
 )
 from harpy_pin.model.state import Vector

@@ -19,9 +19,8 @@ from typing import Any
 import numpy as np
 
 from comparison.joint_pd.controller import able as joint_pd_is_for
-from comparison.measure.walking import Rows, grouped
 from comparison.studies.walking import SIDES, course
-from comparison.study import Job, Study, View, commands, fell, mean, median, where
+from comparison.study import Job, Rows, Study, View, commands, fell, grouped, mean, median, where
 from comparison.worlds.models import FEET, HUMANOIDS, MAKERS, PLAYGROUND, ROBOTS, VENDORS, world
 from comparison.worlds.walk import POLICY, STANDS, WALKERS, walked
 from harpy_pin import Robot, WalkingGait

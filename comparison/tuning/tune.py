@@ -20,9 +20,18 @@ from comparison.campaign.plan import JOINT_DAMPING, CampaignSettings, Task, code
 from comparison.campaign.store import Store
 from comparison.campaign.walks import scenario
 from comparison.contenders import PAPER, VARIANTS, Point, Range, Variant
-from comparison.measure.walking import Progress, silent, walk_as_far_as_it_goes
-from comparison.study import Value, View, shown, where
-from comparison.tables import Cell, Table, in_columns
+from comparison.study import (
+    Cell,
+    Progress,
+    Table,
+    Value,
+    View,
+    in_columns,
+    shown,
+    silent,
+    walk_as_far_as_it_goes,
+    where,
+)
 from harpy_pin import Scenario, checks, measure
 from harpy_pin.scenario import Compliant, ControllerPart
 
