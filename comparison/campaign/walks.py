@@ -33,9 +33,7 @@ from comparison.campaign.summary import WHOLE_BODY, summarise_rows
 from comparison.contenders import controller_part, label
 from comparison.measure.walking import ALONE, Progress, silent, walk_as_far_as_it_goes
 from comparison.tables import Cell, Table, number_text
-from harpy_pin.errors import HarpyError, install_line
 from harpy_pin.files import finite
-from harpy_pin.simulation.mujoco import installed_version
 
 MEASURES = (
     "fell",
@@ -183,12 +181,6 @@ def execute(tasks: Sequence[Task], store: Store, *, progress: Progress = silent)
     code = code_digest()
     planned = {task.key(code): task for task in tasks}
     missing = [task for key, task in planned.items() if key not in store.rows]
-    if installed_version() is None and any(
-        isinstance(ENGINES[task.plant], hp.Mujoco) for task in missing
-    ):
-        raise HarpyError(
-            f"some of the walks are in MuJoCo, which is not installed: {install_line('mujoco')}"
-        )
     if len(missing) > ALONE:
         for task in {(task.contender, task.plant): task for task in missing}.values():
             # A moment of each contender's walk compiles here, once, what the workers then read from

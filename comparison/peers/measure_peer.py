@@ -117,21 +117,15 @@ def load_answer(path: Path, problem: PeerProblem) -> Answer:
         versions = {
             str(name): str(value) for name, value in json.loads(str(found["versions"])).items()
         }
-        quantities, laps = {}, {}
-        for name in TOLERANCE:
-            quantities[name] = np.asarray(found[name], dtype=np.float64)
-            if quantities[name].shape != getattr(problem.expected, name).shape:
-                raise ValueError(f"{name} has shape {quantities[name].shape}")
-        for what in ("tick", "inside"):
-            if f"{what}_ns" in found:
-                value = np.asarray(found[f"{what}_ns"])
-                if (
-                    value.ndim != 2
-                    or value.shape[1] != len(problem)
-                    or value.dtype.kind not in "iu"
-                ):
-                    raise ValueError(f"{what}_ns is no table of integer times, one column per tick")
-                laps[what] = value.astype(np.int64)
+        quantities = {
+            name: np.asarray(found[name], np.float64).reshape(getattr(problem.expected, name).shape)
+            for name in TOLERANCE
+        }
+        laps = {
+            what: found[f"{what}_ns"].reshape(-1, len(problem)).astype(np.int64, casting="safe")
+            for what in ("tick", "inside")
+            if f"{what}_ns" in found
+        }
         if not laps:
             raise ValueError("there are no times")
         overhead = dict.fromkeys(laps, float(found["overhead_ns"]))

@@ -35,11 +35,6 @@ def blocks_of(page: str) -> dict[str, list[str]]:
     return found
 
 
-def sources_of(page: str) -> list[str]:
-    """Names of the sources that a page's tables come from, each once."""
-    return list(dict.fromkeys(table.partition("/")[0] for table in blocks_of(page)))
-
-
 def filled(page: str, table_of: Callable[[str, str], Table]) -> str:
     """The page with every table made again.
 

@@ -7,6 +7,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
+from itertools import product
 from time import perf_counter_ns, process_time_ns
 from typing import Any
 
@@ -19,7 +20,7 @@ from comparison.measure.replay import WBC_PHASES, ProxQPReplay, TickReplay, Whol
 from comparison.measure.timing import Bench, Laps, summarise, summarise_repetitions
 from comparison.measure.walking import StateSequence, recorded_walk, scenario_of
 from comparison.tables import Cell, Table, in_columns, percentiles
-from harpy_pin.wbc import FORMULATIONS, SOLVERS, QPStatus, installed_solvers
+from harpy_pin.wbc import FORMULATIONS, SOLVERS, QPStatus
 from harpy_pin.wbc.solvers import ProxQPSolver
 
 COLD = 200
@@ -30,11 +31,9 @@ def make_all(robot: hp.Robot, friction: float) -> dict[str, Any]:
     """Every controller and governor of the campaign, the QP by DAQP, and the QP in contact
     forces.
     """
-    daqp = ("wbc/daqp",) if "daqp" in installed_solvers() else ()
-    names = (*CONTENDERS, *daqp, FORCES, "wbc/contact_force")
     return {
         name: controller_part(name).make(hp.make_gait(robot), mu=friction, period=1e-3)
-        for name in names
+        for name in (*CONTENDERS, "wbc/daqp", FORCES, "wbc/contact_force")
     }
 
 
@@ -198,11 +197,6 @@ def ticks_tables(ticks: Mapping[str, Any]) -> list[Table]:
 STATES = 500
 """States of the walk that are used, from its middle."""
 
-EXACT = ("daqp", "quadprog")
-"""Active-set methods end at the optimum to rounding: the first of these that is installed is the
-reference.
-"""
-
 LOOSE = "input_space, proxqp to 1e-6 without duality gap"
 """ProxQP where the gap is not checked, to a larger tolerance."""
 
@@ -233,36 +227,25 @@ class _CheckedChain(WholeBodyChain):
             self.violation = max(self.violation, solution.violation)
 
 
-def _configurations(
-    gait: hp.Gait, friction: float
-) -> dict[str, hp.controllers.WholeBodyParameters]:
-    plain = hp.controllers.WholeBodyParameters.for_gait(gait, limits={"mu": friction})
-    found: dict[str, hp.controllers.WholeBodyParameters] = {}
-    for formulation in FORMULATIONS:
-        for solver in (name for name in SOLVERS if name in installed_solvers()):
-            name = f"{formulation}, {solver}"
-            found[name] = replace(plain, formulation=formulation, solver=solver)
-    return found
-
-
 def time_formulations(bench: Bench, sequence: StateSequence) -> dict[str, Any]:
-    """Time every formulation with every solver that is installed.
+    """Time every formulation with every solver.
 
     Returns:
         For each configuration medians of the tick and its phases, the tail of the solve, ticks that
         were not solved, the largest violation of a constraint, and the largest difference of a
-        command (N, N·m) from that of the ``full`` formulation solved by an active-set method (null
-        where none is installed).
+        command (N, N·m) from that of the ``full`` formulation solved by DAQP.
     """
     robot, settings = bench.robot, bench.settings
     begin = max((len(sequence) - STATES) // 2, 0)
     states = sequence.states[begin : begin + STATES]
     gait = hp.make_gait(robot)
-    made = {
-        name: hp.WholeBodyController(gait, how)
-        for name, how in _configurations(gait, bench.friction).items()
-    }
     plain = hp.controllers.WholeBodyParameters.for_gait(gait, limits={"mu": bench.friction})
+    made = {
+        f"{formulation}, {solver}": hp.WholeBodyController(
+            gait, replace(plain, formulation=formulation, solver=solver)
+        )
+        for formulation, solver in product(FORMULATIONS, SOLVERS)
+    }
     made[LOOSE] = hp.WholeBodyController(
         gait, plain, solver=partial(ProxQPSolver, tolerance=1e-6, gap=None)
     )
@@ -276,9 +259,7 @@ def time_formulations(bench: Bench, sequence: StateSequence) -> dict[str, Any]:
     laps, overhead = bench.repeat(
         start, [len(states)], block=max(settings.block // 5, 2 * settings.settle)
     )
-    reference = next(
-        (timed[key].commands for key in (f"full, {name}" for name in EXACT) if key in timed), None
-    )
+    reference = timed["full, daqp"].commands  # an active-set method ends there to rounding
     result: dict[str, Any] = {}
     for name, timer in timed.items():
         tick = summarise([part.sum(axis=1) for part in laps[name]], len(WBC_PHASES) * overhead)
@@ -291,17 +272,14 @@ def time_formulations(bench: Bench, sequence: StateSequence) -> dict[str, Any]:
             "solve_p99_us": solve["p99_us"],
             "unsolved": int(timer.unsolved),
             "violation_max": timer.violation,
-            "difference_max": None
-            if reference is None
-            else float(np.abs(timer.commands - reference).max()),
+            "difference_max": float(np.abs(timer.commands - reference).max()),
         }
     return result
 
 
 def formulations_table(entry: dict[str, Any], friction: float) -> Table:
-    """The table of :func:`time_formulations`, and what is not installed."""
+    """The table of :func:`time_formulations`."""
     cells = [cell for name, row in entry.items() for cell in in_columns(name, row, COLUMNS)]
-    absent = [name for name in SOLVERS if not any(f", {name}" in row for row in entry)]
     note = (
         f"Medians unless stated, on {STATES} states of the pushed walk of the QP controller. "
         "The difference is that of the commands from the full formulation solved by an active-set "
@@ -310,7 +288,6 @@ def formulations_table(entry: dict[str, Any], friction: float) -> Table:
         "'contact_force' has no "
         "posture task, and holds the limits of the motors by choosing other forces."
     )
-    note += f" Not installed: {', '.join(absent)}." if absent else ""
     return Table(
         "formulations",
         f"Formulations and solvers of the program, friction {friction:g}",

@@ -293,11 +293,7 @@ class _TimingRun:
             for mu in (friction, 0.0)
         )
         solvers = {"solve_alone": "active_set"}
-        solvers |= {
-            f"solve_alone_{name}": name
-            for name in ("proxqp", "daqp")
-            if name in hp.wbc.installed_solvers()
-        }
+        solvers |= {f"solve_alone_{name}": name for name in ("proxqp", "daqp")}
         self.solvers = {
             phase: IsolatedSolver(make_contender("wbc", robot, friction).problem.program, name)
             for phase, name in solvers.items()

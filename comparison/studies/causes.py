@@ -11,6 +11,7 @@ minutes.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -62,29 +63,17 @@ CAUSES = len(PROPERTIES) + 2
 def _jobs(s: Any) -> Iterator[Job]:
     for name in s.worlds:
         robot = world(name, FEET)[1]
-        for case, (kept, who) in CASES.items():
-            for friction in SPEED:
-                for number in range(s.sequences):
-                    walk = random_walk(s.seed, number, friction, s.duration)
-                    yield {
-                        "world": name,
-                        "feet": list(FEET),
-                        "case": case,
-                        **walk,
-                        "kept": kept,
-                        "who": who,
-                    }
-        fast = list(fast_walks(WalkingGait(robot).max_speed, s.lasting) if s.lasting else ())
-        for case, (kept, who) in AT_SPEED.items():
-            for walk in (walk for walk in fast if walk["what"] == LASTING[0]):
-                yield {
-                    "world": name,
-                    "feet": list(FEET),
-                    "case": case,
-                    **walk,
-                    "kept": kept,
-                    "who": who,
-                }
+        drawn = [
+            random_walk(s.seed, number, friction, s.duration)
+            for friction in SPEED
+            for number in range(s.sequences)
+        ]
+        fast = fast_walks(WalkingGait(robot).max_speed, s.lasting) if s.lasting else ()
+        lasting = [walk for walk in fast if walk["what"] == LASTING[0]]
+        here = {"world": name, "feet": list(FEET)}
+        for cases, walks in ((CASES, drawn), (AT_SPEED, lasting)):
+            for (case, (kept, who)), walk in product(cases.items(), walks):
+                yield {**here, "case": case, **walk, "kept": kept, "who": who}
 
 
 def _cell(rows: Rows) -> str:

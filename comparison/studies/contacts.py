@@ -3,13 +3,12 @@
 MuJoCo's own contact and what is advised against its slip, and spheres as feet, beside ours.
 MuJoCo's friction creeps: a foot inside the cone moves with a velocity that its force sets. This
 part of the slip is known in closed form, and the tables take it from the rest. Friction, and the
-stiffness that the weight finds, are known to controllers and gait. MuJoCo is left out where it is
-not installed. With it this takes many minutes.
+stiffness that the weight finds, are known to controllers and gait. This takes many
+minutes.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from functools import cache, partial
 from typing import Any
 
@@ -32,7 +31,7 @@ from comparison.study import (
     starts,
 )
 from harpy_pin.model.state import Vector
-from harpy_pin.simulation.mujoco import MujocoPlant, SoftContact, installed_version
+from harpy_pin.simulation.mujoco import MujocoPlant, SoftContact
 
 CONTACTS: dict[str, hp.scenario.PlantPart] = {
     "ours": hp.scenario.Compliant(),
@@ -53,15 +52,6 @@ SLIDING = 5e-3
 """Speed beyond the creep from which on a foot counts as sliding, m/s."""
 HELD = 1e-9
 """Forces below do not count, N."""
-
-
-def _jobs(s: Any) -> Iterator[Job]:
-    """Every controller on every contact that is installed."""
-    missing = installed_version() is None
-    contacts = [
-        name for name in s.contacts if not (missing and isinstance(CONTACTS[name], hp.Mujoco))
-    ]
-    return grid(contact=contacts, friction=s.frictions, walker=s.walkers, **starts(s))
 
 
 def _measured(job: Job) -> dict[str, Any]:
@@ -177,7 +167,7 @@ STUDY = Study(
         "starts": 1,
         "duration": 1.5,
     },
-    jobs=_jobs,
+    jobs=lambda s: grid(contact=s.contacts, friction=s.frictions, walker=s.walkers, **starts(s)),
     measure=_measured,
     views=[
         View(

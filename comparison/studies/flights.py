@@ -34,7 +34,6 @@ from harpy_pin.contrib.flight.flying_gait import PHASES
 from harpy_pin.contrib.power import Motors, power
 from harpy_pin.contrib.thrusters import ThrustWatch
 from harpy_pin.log.power import PRESETS
-from harpy_pin.simulation.mujoco import installed_version
 
 FRICTION = 0.6
 CONTROLLERS: dict[str, tuple[str, dict[str, Any]]] = {
@@ -144,8 +143,7 @@ FLIGHTS: dict[str, Manoeuvre] = {
 
 
 def _jobs(s: Any) -> Iterator[Job]:
-    plants = [plant for plant in s.plants if plant != "mujoco" or installed_version() is not None]
-    for one in grid(flight=s.names, controller=s.controllers, plant=plants):
+    for one in grid(flight=s.names, controller=s.controllers, plant=s.plants):
         yield from (
             one | {"seed": FIRST_SEED + k}
             for k in range(min(FLIGHTS[one["flight"]].tries, s.most_tries))

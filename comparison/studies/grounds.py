@@ -14,7 +14,7 @@ from typing import Any
 import harpy_pin as hp
 from comparison.contenders import OWN, label
 from comparison.study import Job, Rows, Study, View, grid, scenario_of, shown, where
-from harpy_pin.simulation.mujoco import PRESETS, installed_version
+from harpy_pin.simulation.mujoco import PRESETS
 
 STIFFNESSES = (4e3, 8e3, 16e3, 40e3, 80e3)
 """N/m; the damping ratio is that of the default ground, 8 kN/m, whose MuJoCo presets are walked on,
@@ -25,14 +25,13 @@ STEPS = ("governed/paper", "condensed")
 DT = hp.Scenario().dt
 
 
-def _grounds() -> dict[str, dict[str, Any]]:
-    """Changes of the scenario for each ground; those of :class:`Ground` but the friction under
-    ``stiffness``.
-    """
-    own: dict[str, dict[str, Any]] = {f"{k / 1e3:g} kN/m": {"stiffness": k} for k in STIFFNESSES}
-    if installed_version() is None:
-        return own
-    return own | {f"MuJoCo {name}": {"plant": hp.Mujoco(name)} for name in PRESETS}
+GROUNDS: dict[str, dict[str, Any]] = {
+    **{f"{k / 1e3:g} kN/m": {"stiffness": k} for k in STIFFNESSES},
+    **{f"MuJoCo {name}": {"plant": hp.Mujoco(name)} for name in PRESETS},
+}
+"""Changes of the scenario for each ground; those of :class:`harpy_pin.Ground` but the friction
+under ``stiffness``.
+"""
 
 
 def _jobs(s: Any) -> Iterator[Job]:
@@ -40,12 +39,12 @@ def _jobs(s: Any) -> Iterator[Job]:
     cases += grid(
         friction=s.frictions[:1], walker=[who for who in STEPS if who in s.walkers], dt_s=0.5 * DT
     )
-    for one in grid(ground=_grounds(), case=cases):
+    for one in grid(ground=GROUNDS, case=cases):
         yield {"ground": one["ground"], **one["case"], "duration": s.duration}
 
 
 def _measured(job: Job) -> dict[str, Any]:
-    changes = {"dt": job["dt_s"], **_grounds()[job["ground"]]}
+    changes = {"dt": job["dt_s"], **GROUNDS[job["ground"]]}
     felt = hp.Ground(
         stiffness=changes.pop("stiffness", hp.Ground().stiffness), mu_s=job["friction"]
     )

@@ -3,7 +3,7 @@
 The library's own plant, Pinocchio's ABA with the paper's ground as written, and MuJoCo. The first
 two also walk with shorter steps and with less creep, so that what differs between plants can be
 told from what differs within one. Steps are timed standing, with motors that hold the posture.
-MuJoCo is left out where it is not installed. This takes some minutes.
+This takes some minutes.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ from comparison.study import (
     walk_as_far_as_it_goes,
 )
 from harpy_pin.model.catalogue import installed_data
-from harpy_pin.simulation.mujoco import MujocoPlant, installed_version
+from harpy_pin.simulation.mujoco import MujocoPlant
 from harpy_pin.simulation.mujoco.conventions import import_mujoco
 
 PLANTS: dict[str, tuple[hp.scenario.PlantPart, float]] = {
@@ -50,12 +50,6 @@ DEPTH = 2e-3
 """How deep the feet of a robot stand whose steps are timed, m."""
 STIFF, DAMPED = 3600.0, 60.0
 """Motors' laws, as multiples of each joint's inertia, 1/s² and 1/s."""
-
-
-def _jobs(s: Any) -> Iterator[Job]:
-    """Every controller in every plant that is installed."""
-    plants = [name for name in s.plants if name != "mujoco" or installed_version() is not None]
-    return grid(plant=plants, friction=s.frictions, walker=s.walkers, **starts(s))
 
 
 def _timed(s: Any) -> Iterator[Job]:
@@ -143,17 +137,15 @@ def _candidates(robot: hp.Robot, length: int) -> dict[str, _Lap]:
     def steps(plant: hp.Simulator | hp.simulation.PinocchioPlant) -> _Lap:
         return _Lap(lambda: plant.advance(command, steps=BATCH), lambda: plant.reset(q, v), length)
 
-    found = {
+    mujoco, other = import_mujoco(), MujocoPlant(robot, ground)
+    step = partial(mujoco.mj_step, other.model, other.data, nstep=BATCH)
+    return {
         "aba": _Lap(batch(lambda: pin.aba(model, data, q, speed, tau)), lambda: None, length),
         "own": _Lap(batch(lambda: terms.update(q, speed)), lambda: None, length),
         "compliant": steps(hp.Simulator(robot, ground)),
         "pinocchio": steps(hp.simulation.PinocchioPlant(robot, ground)),
+        "mj_step": _Lap(step, lambda: other.reset(q, v), length),
     }
-    if installed_version() is not None:
-        mujoco, plant = import_mujoco(), MujocoPlant(robot, ground)
-        step = partial(mujoco.mj_step, plant.model, plant.data, nstep=BATCH)
-        found["mj_step"] = _Lap(step, lambda: plant.reset(q, v), length)
-    return found
 
 
 def _slip(name: str, rows: Rows) -> str:
@@ -179,7 +171,7 @@ STUDY = Study(
         **{"robots": ("harpy", "solo12", "go2", "g1"), "repetitions": 10, "laps": 50},
     },
     quick={"duration": 0.75, "robots": ("harpy",), "repetitions": 3, "laps": 20},
-    jobs=_jobs,
+    jobs=lambda s: grid(plant=s.plants, friction=s.frictions, walker=s.walkers, **starts(s)),
     timed=_timed,
     measure=_measured,
     views=[

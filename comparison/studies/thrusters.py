@@ -37,7 +37,6 @@ from comparison.study import (
     walk_as_far_as_it_goes,
 )
 from harpy_pin.log.optional import given_thrust
-from harpy_pin.simulation.mujoco import installed_version
 
 WALKERS: dict[str, Mapping[str, Any]] = {
     **LIMITED,
@@ -53,9 +52,8 @@ PLANTS = {"ours": {"name": "compliant"}, "MuJoCo": {"name": "mujoco", "preset": 
 
 
 def _jobs(s: Any) -> Iterator[Job]:
-    plants = [plant for plant in s.plants if plant == "ours" or installed_version() is not None]
     none = {"bandwidth": None, "lag": 0.0, "turning_lag": 0.0, "failing": None}
-    for where in grid(plant=plants, friction=s.frictions):
+    for where in grid(plant=s.plants, friction=s.frictions):
         cases = [none | one for one in grid(bandwidth=s.bandwidths, lag=s.lags)]
         if where["friction"] == s.frictions[0]:
             cases += [

@@ -47,10 +47,6 @@ from comparison.contenders import (
     label,
     short_name,
 )
-from harpy_pin import InputError, RunFileError, load_harpy
-from harpy_pin.controllers import CondensedController, WholeBodyController
-from harpy_pin.gaits import make_gait
-from harpy_pin.simulation.sensors import Noise
 
 WIDE = CampaignSettings.of("wide")
 PLAIN = Task(
@@ -186,7 +182,7 @@ BAD: dict[str, Any] = {
 
 @pytest.mark.parametrize("name", BAD)
 def test_settings_out_of_their_domain(name: str) -> None:
-    with pytest.raises(InputError, match=name.rstrip("s").split("_")[0][:8]):
+    with pytest.raises(hp.InputError, match=name.rstrip("s").split("_")[0][:8]):
         CampaignSettings(**{name: BAD[name]})
 
 
@@ -196,13 +192,13 @@ def test_a_walk_is_what_its_task_says() -> None:
     )
     assert run.metadata["ground"]["mu_s"] == 0.6
     assert run.metadata["mass"] == pytest.approx(
-        load_harpy().mass + 0.25 * load_harpy().model.inertias[1].mass
+        hp.load_harpy().mass + 0.25 * hp.load_harpy().model.inertias[1].mass
     )
     assert "0.9" in json.dumps(run.metadata["parameters"])  # 0.6 · 1.5: what the controller assumes
     (push,) = run.metadata["pushes"]
     assert push["impulse"][0] == push["impulse"][2] == 0.0
     assert abs(push["impulse"][1]) == 2.0
-    target = make_gait(load_harpy()).update(push["time"] + 0.5 * push["duration"])
+    target = hp.make_gait(hp.load_harpy()).update(push["time"] + 0.5 * push["duration"])
     assert sorted(target.stance) == [0.0, 1.0]
     assert target.phase[int(np.argmin(target.stance))] == pytest.approx(
         0.5
@@ -235,7 +231,7 @@ def test_what_is_drawn_reaches_the_walk() -> None:
     assert (drawn.plant.name, drawn.gait.speed, drawn.controller.name) == ("mujoco", 0.5, "wbc")
     disturbances = drawn.disturbances
     assert (disturbances.noise, disturbances.delay, disturbances.seed) == (
-        Noise.typical(0.5),
+        hp.Noise.typical(0.5),
         2e-3,
         task.seed,
     )
@@ -244,18 +240,18 @@ def test_what_is_drawn_reaches_the_walk() -> None:
     assert built.simulator.describe()["name"] == "mujoco"
     assert built.sensors is not None
     assert built.sensors.delay == 2
-    assert isinstance(built.controller, WholeBodyController)
+    assert isinstance(built.controller, hp.WholeBodyController)
     assert built.controller.parameters.formulation == "contact_force"
     plain = hp.build(scenario(replace(PLAIN, contender="condensed/trusting")))
     assert plain.sensors is None
-    assert isinstance(plain.controller, CondensedController)
+    assert isinstance(plain.controller, hp.CondensedController)
     assert not plain.controller.parameters.estimate_friction
 
 
 def test_the_joints_damping_is_that_of_plant_and_controller() -> None:
     """5 N·m·s/rad as in the authors' own model, in both engines; else the packaged robot's."""
     assert scenario(PLAIN).urdf is None
-    assert load_harpy().model.damping[6:] == pytest.approx(JOINT_DAMPING)
+    assert hp.load_harpy().model.damping[6:] == pytest.approx(JOINT_DAMPING)
     for plant in ("compliant", "mujoco"):
         pytest.importorskip("mujoco")
         built = hp.build(
@@ -307,7 +303,7 @@ def test_rows_survive_and_are_never_doubled(tmp_path: Path) -> None:
     with Store(path) as store:
         store.append("a", {"x": 1})
         store.append("a", {"x": 2})
-        with pytest.raises(RunFileError, match="another campaign"):
+        with pytest.raises(hp.RunFileError, match="another campaign"):
             Store(path)
     with path.open("ab") as file:
         file.write(b'{"key": "b", "x"')  # killed while writing
@@ -324,7 +320,7 @@ def test_a_damaged_file_is_not_touched(tmp_path: Path) -> None:
     for damage in (b"nonsense\n", b"3\n", b'{"x": 1}\n'):
         path.write_bytes(b'{"key": "a"}\n' + damage + b'{"key": "b"}\n{"ke')
         before = path.read_bytes()
-        with pytest.raises(RunFileError, match="line 2"):
+        with pytest.raises(hp.RunFileError, match="line 2"):
             Store(path)
         assert path.read_bytes() == before
 
@@ -395,7 +391,7 @@ def test_the_published_measured_variant_is_the_papers_governor_of_all_other_tabl
 )
 def test_a_row_of_another_kind_is_one_line(row: dict[str, Any]) -> None:
     tasks = plan(CampaignSettings(walks=1))
-    with pytest.raises(RunFileError, match="does not hold its measures"):
+    with pytest.raises(hp.RunFileError, match="does not hold its measures"):
         summarise_rows(tasks, {tasks[0].key(code_digest()): row})
 
 

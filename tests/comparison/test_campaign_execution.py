@@ -13,10 +13,9 @@ from typing import Any
 
 import pytest
 
-from comparison.campaign import walks
 from comparison.campaign.plan import CampaignSettings, code_digest, plan
 from comparison.campaign.store import Store, read_rows
-from comparison.campaign.walks import run_campaign, walk_task
+from comparison.campaign.walks import walk_task
 from comparison.cli import main
 from comparison.contenders import CONTENDERS
 from comparison.measure import walking
@@ -26,17 +25,6 @@ ROOT = Path(__file__).resolve().parents[2]
 ENVIRONMENT = {**os.environ, "COLUMNS": "140"}
 WALKS = 3 * len(CONTENDERS)
 SMALL = ("--walks", str(WALKS), "--duration", "1.5")
-
-
-def test_without_mujoco_nothing_is_walked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(walks, "installed_version", lambda: None)
-    monkeypatch.setattr(walks, "walk_task", lambda *_: pytest.fail("a walk was begun"))
-    path = tmp_path / "rows.jsonl"
-    with pytest.raises(
-        HarpyError, match=r'MuJoCo, which is not installed: pip install -e ".*\[mujoco\]"'
-    ):
-        run_campaign(CampaignSettings.of("wide", walks=16), path)
-    assert read_rows(path)[0] == {}
 
 
 def killed(job: int) -> dict[str, Any]:

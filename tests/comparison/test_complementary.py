@@ -8,7 +8,6 @@ import pinocchio as pin
 import harpy_pin as hp
 from comparison.measure.estimates import complementary
 from harpy_pin.log.drift import off
-from harpy_pin.log.run import Run
 
 
 def test_it_follows_a_walk():
@@ -40,7 +39,7 @@ def test_it_is_exact_in_the_air():
         "estimated_v": v,
         "contact_probability": np.zeros((len(t), 2)),
     }
-    run = Run({**signals, "gyroscope": np.zeros_like(force), "accelerometer": force}, {})
+    run = hp.Run({**signals, "gyroscope": np.zeros_like(force), "accelerometer": force}, {})
     error = off(q, v, *complementary(run, robot), period=float(t[1] - t[0]))
     assert error["trajectory_mm"] < 0.5
     assert error["velocity_cm_s"] < 0.5

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 import comparison.measure.replay as replays
+import harpy_pin as hp
 from comparison.measure.inside_c import ReplayInsideC
 from comparison.measure.replay import WBC_PHASES, TickReplay, WholeBodyChain, replay
 from comparison.measure.timing import (
@@ -30,11 +31,9 @@ from comparison.measure.walking import (
 )
 from comparison.sections.ticks import make_all, proxqp_replay
 from comparison.sections.timing import stationarity, time_contenders
-from harpy_pin import InputError, State, load_harpy
 from harpy_pin.files import finite
 from harpy_pin.kernels import Kernel
 from harpy_pin.kernels.calls import Chain
-from harpy_pin.wbc import QuadraticProgram
 
 FRICTION = 0.8
 
@@ -61,14 +60,9 @@ def sequences() -> list[StateSequence]:
 
 def test_percentiles_of_known_samples() -> None:
     first, second = np.arange(0, 50_000, 1000), np.arange(50_000, 101_000, 1000)
-    summary = summarise([first, second])
-    assert summary["p50_us"] == pytest.approx(50.0)
-    assert summary["p95_us"] == pytest.approx(95.0)
-    assert summary["p99_us"] == pytest.approx(99.0)
-    assert summary["p99_9_us"] == pytest.approx(99.9)
-    assert summary["max_us"] == pytest.approx(100.0)
-    assert summary["mean_us"] == pytest.approx(50.0)
-    assert summary["samples"] == 101
+    expected = {"p50_us": 50.0, "p95_us": 95.0, "p99_us": 99.0, "p99_9_us": 99.9}
+    expected |= {"max_us": 100.0, "mean_us": 50.0, "samples": 101}
+    assert summarise([first, second]) == pytest.approx(expected)
 
 
 def test_overhead_is_subtracted_and_never_makes_a_time_negative() -> None:
@@ -82,10 +76,8 @@ def test_ratio_of_medians_and_its_spread() -> None:
     ratio = ratio_of_medians(
         [np.array([10, 20, 30]), np.array([40, 40, 40])], [np.array([10] * 3), np.array([8] * 3)]
     )
-    assert ratio["repetitions"] == pytest.approx([2.0, 5.0])
-    assert (ratio["min"], ratio["max"]) == pytest.approx((2.0, 5.0))
-    assert ratio["p50"] == pytest.approx(3.5)
-    assert ratio["pooled"] == pytest.approx(35.0 / 9.0)
+    assert ratio.pop("repetitions") == pytest.approx([2.0, 5.0])
+    assert ratio == pytest.approx({"min": 2.0, "max": 5.0, "p50": 3.5, "pooled": 35.0 / 9.0})
 
 
 def test_finite_makes_anything_valid_json() -> None:
@@ -103,15 +95,15 @@ def test_finite_makes_anything_valid_json() -> None:
 
 
 def test_every_contender_is_shown_identical_states(sequences: list[StateSequence]) -> None:
-    robot = load_harpy()
-    seen: dict[str, list[State]] = {}
+    robot = hp.load_harpy()
+    seen: dict[str, list[hp.State]] = {}
     digest = sequences[0].digest()
     for name in TIMED:
         controller = make_contender(name, robot, FRICTION)
-        states: list[State] = []
+        states: list[hp.State] = []
         inner = controller.step
 
-        def spy(state: State, states: list[State] = states, inner: Any = inner) -> Any:
+        def spy(state: hp.State, states: list[hp.State] = states, inner: Any = inner) -> Any:
             states.append(state.copy())
             return inner(state)
 
@@ -128,7 +120,7 @@ def test_every_contender_is_shown_identical_states(sequences: list[StateSequence
 def test_phases_are_exclusive_and_sum_to_the_tick(
     sequences: list[StateSequence], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    robot, states = load_harpy(), sequences[1].states[:40]
+    robot, states = hp.load_harpy(), sequences[1].states[:40]
     clock = CountingClock()
     monkeypatch.setattr(replays, "perf_counter_ns", clock)
     chain = replay(WholeBodyChain(make_contender("wbc", robot, FRICTION)), states)
@@ -144,7 +136,7 @@ def test_phases_are_exclusive_and_sum_to_the_tick(
 
 
 def test_replay_in_blocks_equals_replay_in_one_go(sequences: list[StateSequence]) -> None:
-    robot, states = load_harpy(), sequences[0].states
+    robot, states = hp.load_harpy(), sequences[0].states
     for name in TIMED:
         whole = replay(TickReplay(make_contender(name, robot, FRICTION)), states)
         blocks = TickReplay(make_contender(name, robot, FRICTION))
@@ -162,7 +154,7 @@ def test_replay_in_blocks_equals_replay_in_one_go(sequences: list[StateSequence]
 def test_ticks_by_proxqp_and_what_its_own_timer_says_of_them(
     sequences: list[StateSequence],
 ) -> None:
-    robot, states = load_harpy(), sequences[1].states
+    robot, states = hp.load_harpy(), sequences[1].states
     timed = replay(proxqp_replay(robot, FRICTION), states)
     whole = replay(TickReplay(make_contender("wbc", robot, FRICTION)), states)
     np.testing.assert_allclose(timed.commands, whole.commands, atol=1e-6)
@@ -184,7 +176,7 @@ def test_every_tick_is_one_crossing_into_c(
             return call(self, *given)
 
         monkeypatch.setattr(kind, "__call__", counted)
-    for name, controller in make_all(load_harpy(), FRICTION).items():
+    for name, controller in make_all(hp.load_harpy(), FRICTION).items():
         controller.step(sequences[0].states[0])  # joins the kernels
         crossings.clear()
         for state in sequences[0].states[1:20]:
@@ -197,7 +189,7 @@ def test_every_tick_is_one_crossing_into_c(
 
 def test_program_knows_objective_and_violation() -> None:
     """On the nearest point to (2, 3) on x + y = 1 with |x| ≤ 1 and y ≤ ∞: (0, 1)."""
-    program = QuadraticProgram(2, equalities=1, inequalities=0, bounded=2)
+    program = hp.wbc.QuadraticProgram(2, equalities=1, inequalities=0, bounded=2)
     program.hessian[:], program.gradient[:] = np.eye(2), (-2.0, -3.0)
     program.equality[:], program.equality_value[:] = 1.0, 1.0
     program.lower[0], program.upper[0] = -1.0, 1.0
@@ -208,7 +200,7 @@ def test_program_knows_objective_and_violation() -> None:
 
 
 def test_solutions_are_judged_without_the_solver(sequences: list[StateSequence]) -> None:
-    controller = make_contender("wbc", load_harpy(), FRICTION)
+    controller = make_contender("wbc", hp.load_harpy(), FRICTION)
     controller.step(sequences[1].states[0])
     program, z = controller.problem.program, controller.solution.z.copy()
     assert program.violation(z) < 1e-6
@@ -234,16 +226,16 @@ def test_interleaving_reaches_every_piece_once() -> None:
 
 
 def test_a_walk_that_is_too_short_says_so(sequences: list[StateSequence]) -> None:
-    robot = load_harpy()
+    robot = hp.load_harpy()
     run = recorded_walk("governed", friction=FRICTION, duration=0.05)
-    with pytest.raises(InputError, match="50 ticks"):
+    with pytest.raises(hp.InputError, match="50 ticks"):
         record_states("governed", run, least=100)
     settings, rng = TimingSettings(warm_up=10_000), np.random.default_rng(0)
     bench = Bench(robot=robot, friction=FRICTION, settings=settings, rng=rng)
-    with pytest.raises(InputError, match="too few"):
+    with pytest.raises(hp.InputError, match="too few"):
         time_contenders(bench, sequences)
     with pytest.raises(
-        InputError, match="valid names: condensed, governed, own search, ungoverned, wbc"
+        hp.InputError, match="valid names: condensed, governed, own search, ungoverned, wbc"
     ):
         make_contender("mpc", robot, FRICTION)
 

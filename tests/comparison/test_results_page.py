@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 import comparison.cli.results as command
 from comparison.cli import app
-from comparison.report.pages import filled, markdown, read_blocks, sources_of
+from comparison.report.pages import filled, markdown, read_blocks
 from comparison.report.record import Record
 from comparison.tables import Cell, Table, cell_text
 from harpy_pin.errors import HarpyError, InputError, RunFileError
@@ -249,7 +249,3 @@ def test_every_source_is_a_command_of_ours(tmp_path):
         context = program.make_context("comparison", words[:1] if of_its_own else words)
         if of_its_own:
             program.get_command(context, words[0]).make_context(words[0], words[1:])
-
-
-def test_sources_are_named_once():
-    assert sources_of(PAGE + PAGE) == ["study"]

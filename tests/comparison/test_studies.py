@@ -15,7 +15,7 @@ import harpy_pin as hp
 from comparison.cli.studies import STUDIES
 from comparison.contenders import OWN
 from comparison.measure.walking import Rows
-from comparison.studies import contacts, grounds, ice, limits, plants, steering, thrusters, walking
+from comparison.studies import contacts, ice, limits, steering, thrusters, walking
 from comparison.studies.crossings import CROSSINGS
 from comparison.studies.flights import FLIGHTS
 from comparison.studies.slopes import static_bound, what_happens
@@ -116,21 +116,6 @@ def test_grounds_show_slip_or_when_a_walk_fell():
     ]
     found = tables["grounds_engines"].number("paper's governor, 0.25, 40 kN/m", "half the step")
     assert found == fine["path_mm"]
-
-
-def test_engines_that_are_not_installed_are_left_out(monkeypatch):
-    for study in (contacts, grounds, plants, thrusters):
-        monkeypatch.setattr(study, "installed_version", lambda: None)
-    names = ("contacts", "grounds", "plants", "thrusters")
-    jobs = {name: list(STUDIES[name].jobs(STUDIES[name].settings())) for name in names}
-    assert {job["plant"] for job in jobs["plants"]} == {
-        "compliant",
-        "0.1 ms",
-        "pinocchio",
-        "0.25 mm/s",
-    }
-    assert not any("MuJoCo" in str(job) for job in (*jobs["grounds"], *jobs["thrusters"]))
-    assert {job["contact"] for job in jobs["contacts"]} == {"ours"}
 
 
 def test_plants_show_slip_or_how_many_fell():

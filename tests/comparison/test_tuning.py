@@ -42,8 +42,6 @@ from comparison.tuning.tune import (
     tuning_tables,
     walk_scenario,
 )
-from harpy_pin.controllers import GovernedParameters, WholeBodyParameters
-from harpy_pin.governors import ExplicitReferenceGovernor
 from harpy_pin.scenario import CONTROLLER_PARTS
 from harpy_pin.scenario.parts import read_part
 
@@ -58,10 +56,14 @@ def test_the_published_point_changes_nothing(name: str) -> None:
     own = {"solver": "active_set"} if name == OWN else {}
     legs = name.rpartition("/")[2]
     expected = (
-        replace(published_parameters(), **own) if whole_body else GovernedParameters(legs=legs)
+        replace(published_parameters(), **own)
+        if whole_body
+        else hp.controllers.GovernedParameters(legs=legs)
     )
-    if isinstance(expected, WholeBodyParameters):
-        parameters = WholeBodyParameters(**{**vars(parameters), "limits": expected.limits})
+    if isinstance(expected, hp.controllers.WholeBodyParameters):
+        parameters = hp.controllers.WholeBodyParameters(
+            **{**vars(parameters), "limits": expected.limits}
+        )
     assert parameters == expected
 
 
@@ -74,9 +76,12 @@ def test_factors_multiply_what_is_published() -> None:
     controller = hp.build(hp.Scenario(controller=part)).controller
     assert isinstance(controller, hp.controllers.GovernedController)
     assert controller.parameters.feedforward.swing_p == (100.0, 100.0, 30.0)
-    assert controller.parameters.feedforward.swing_d == GovernedParameters().feedforward.swing_d
+    assert (
+        controller.parameters.feedforward.swing_d
+        == hp.controllers.GovernedParameters().feedforward.swing_d
+    )
     governor = controller.governor
-    assert isinstance(governor, ExplicitReferenceGovernor)
+    assert isinstance(governor, hp.ExplicitReferenceGovernor)
     rates = [float(governor._record[name][0]) for name in ("alpha_n", "alpha_r")]
     assert (rates, governor.conditions) == ([60.0, 10.0], "equation")
     assert isinstance(governor.rows, hp.governors.ForceRows)

@@ -10,6 +10,7 @@ import pytest
 from biped_urdf import biped_urdf
 from own_models import described, mujoco
 
+import harpy_pin as hp
 from comparison.cli import app
 from comparison.joint_pd.controller import JointPD, JointPDGains, found_gains
 from comparison.peers.environment import WORLDS, WorkerError, default_folder, interpreter
@@ -35,8 +36,6 @@ from comparison.worlds.walk import (
     sliding,
     walked,
 )
-from harpy_pin import InputError, RobotError, Standing, WalkingGait, load_robot
-from harpy_pin.simulation.mujoco import MujocoBridge
 
 SOLES = ("L_sole", "R_sole")
 FEET = ("FL_foot", "FR_foot", "RL_foot", "RR_foot")
@@ -46,7 +45,7 @@ FEET = ("FL_foot", "FR_foot", "RL_foot", "RR_foot")
 def dog(tmp_path_factory):
     """File of Go2, with servos and joints that are not ideal."""
     go2, joints = (
-        load_robot("go2"),
+        hp.load_robot("go2"),
         {"armature": 0.01, "damping": [0.5, 0.0, 0.0], "frictionloss": 0.2},
     )
     spec = described(go2, actuators="position", joints=joints)
@@ -68,7 +67,7 @@ def biped(tmp_path_factory):
     """
     folder, shapes = tmp_path_factory.mktemp("models"), mujoco.mjtGeom
     (folder / "biped.urdf").write_text(biped_urdf(waist=("waist",)))
-    points = load_robot(folder / "biped.urdf", feet=SOLES)
+    points = hp.load_robot(folder / "biped.urdf", feet=SOLES)
     spec = described(points, actuators="motor", joints={"armature": 0.01})
     spec.option.timestep, spec.worldbody.geoms[0].pos = 2e-3, np.zeros(3)
     for side in "LR":
@@ -109,7 +108,7 @@ def test_the_policy_sees_what_moving_the_robot_a_little_shows(dog):
     turn = pin.log3(turned.T @ later.site("imu").xmat.reshape(3, 3)) / h
     np.testing.assert_allclose(seen[3:6], turn, atol=1e-4)
     np.testing.assert_allclose(turned @ seen[6:9], (0.0, 0.0, -1.0), atol=1e-6)
-    angles = data.qpos[7:] - load_robot("go2").posture
+    angles = data.qpos[7:] - hp.load_robot("go2").posture
     np.testing.assert_allclose(seen[9:], [*angles, *data.qvel[6:], *action, *command], atol=1e-6)
 
 
@@ -122,7 +121,7 @@ def test_a_robot_knows_of_its_joints_what_it_is_told(dog, known):
     np.testing.assert_array_equal(robot.dry_friction, 0.2 * ("friction" in known))
     model.dof_armature[6:] *= "armature" in known
     mujoco.mj_forward(model, data)
-    state, momentum = MujocoBridge(model, robot).read(data), np.zeros(model.nv)
+    state, momentum = hp.MujocoBridge(model, robot).read(data), np.zeros(model.nv)
     mujoco.mj_mulM(model, data, momentum, data.qvel)
     energy = state.v @ pin.crba(robot.model, robot.model.createData(), state.q) @ state.v
     assert energy == pytest.approx(data.qvel @ momentum)
@@ -136,7 +135,7 @@ def test_only_what_is_kept_is_left_of_a_model(dog, kept):
         "dry friction": model.dof_frictionloss[6:].any(),
         "damping": model.dof_damping[6:].any(),
         "armature": model.dof_armature[6:].any(),
-        "round feet": MujocoBridge(model, robot).foot_radius.min() > 0.01,
+        "round feet": hp.MujocoBridge(model, robot).foot_radius.min() > 0.01,
         "steps": model.opt.timestep == 2e-3,
         "pyramids": model.opt.cone == mujoco.mjtCone.mjCONE_PYRAMIDAL,
     }
@@ -162,7 +161,7 @@ def test_slip_is_that_of_landing_and_of_lifting(dog):
     model, robot = world(dog, FEET)
     data, dt = mujoco.MjData(model), 1e-3
     mujoco.mj_forward(model, data)
-    watch = Watch(MujocoBridge(model, robot), data)
+    watch = Watch(hp.MujocoBridge(model, robot), data)
     speed = np.zeros(100)
     speed[:5], speed[40:50], speed[90:] = 2.0, 1.0, 1.0
     for step in range(200):
@@ -178,7 +177,7 @@ def test_velocity_is_measured_in_the_frame_of_the_heading(dog):
     model.opt.gravity[:], data = 0.0, mujoco.MjData(model)
     data.qpos[:7], data.qvel[:2] = (0.0, 0.0, 1.0, np.sqrt(0.5), 0.0, 0.0, np.sqrt(0.5)), (0.3, 0.4)
     mujoco.mj_forward(model, data)
-    watch = Watch(MujocoBridge(model, robot), data)
+    watch = Watch(hp.MujocoBridge(model, robot), data)
     for command, error in (((0.4, -0.3, 0.0), 0.0), ((0.4, -0.2, 0.0), 0.1 / np.sqrt(2.0))):
         data.time += model.opt.timestep
         watch.look(np.array(command))
@@ -193,10 +192,10 @@ def test_velocity_is_measured_in_the_frame_of_the_heading(dog):
 def test_motors_add_what_joint_pd_adds(dog):
     """Torque and motors' law together are joint PD's torque, in stance and in swing."""
     model, robot = world(dog, FEET)
-    state = MujocoBridge(model, robot).read(moved(model, 2))
+    state = hp.MujocoBridge(model, robot).read(moved(model, 2))
     gains, gaits = (
         JointPDGains(**found_gains()[PD_GAINS]["gains"]),
-        [WalkingGait(robot) for _ in range(2)],
+        [hp.WalkingGait(robot) for _ in range(2)],
     )
     whole, split = JointPD(gaits[0], gains, mu=0.5), MotorPD(gaits[1], mu=0.5, period=1e-3)
     whole._record["limit"] = split._inner._record["limit"] = np.inf
@@ -234,9 +233,9 @@ def test_a_model_of_ones_own_walks(dog, who):
 def test_links_that_push_each_other_apart_where_the_robot_stands_do_not_touch(biped):
     """Those of both sides; other links still do."""
     whole, (model, robot) = mujoco.MjModel.from_xml_path(biped), world(biped, SOLES)
-    q = Standing(robot).initial_state(penetration=1e-3)[0]
-    assert len(MujocoBridge(whole, robot).self_contacts(q)) == 2
-    bridge, data = MujocoBridge(model, robot), mujoco.MjData(model)
+    q = hp.Standing(robot).initial_state(penetration=1e-3)[0]
+    assert len(hp.MujocoBridge(whole, robot).self_contacts(q)) == 2
+    bridge, data = hp.MujocoBridge(model, robot), mujoco.MjData(model)
     assert not bridge.self_contacts(q)
     bridge.place((q, np.zeros(len(q) - 1)), data)
     mujoco.mj_forward(model, data)
@@ -291,11 +290,11 @@ def test_actions_are_targets_about_the_posture(dog, tmp_path):
 def test_what_is_missing_is_said(tmp_path, monkeypatch, dog):
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "none"))
     for command in ("worlds", "causes"):
-        with pytest.raises(InputError, match="peers --install"):
+        with pytest.raises(hp.InputError, match="peers --install"):
             app([command])
     with pytest.raises(WorkerError, match="no weights"):
         installed(tmp_path, "raise SystemExit('no weights')")
-    with pytest.raises(RobotError, match="no foot frame 'knee'"):
+    with pytest.raises(hp.RobotError, match="no foot frame 'knee'"):
         app(["worlds", "--mjcf", dog, "--feet", "FL_foot,knee"])
 
 
