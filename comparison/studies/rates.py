@@ -58,9 +58,15 @@ def _ticks(walk: hp.Run) -> list[float]:
     return [float(ns) * 1e-3 for ns in walk["tick_ns"][1000:]]
 
 
+def _ticks_on_terrain(settings: Job) -> list[float]:
+    """The same on a ground."""
+    every = _ticks_on_all(settings["rounds"], min(settings["seconds"], SHORTER))
+    return every[settings["on"]]
+
+
 @cache
-def _ticks_on_terrain(rounds: int, seconds: float) -> dict[str, list[float]]:
-    """The same on each ground, one walk after the other in turn."""
+def _ticks_on_all(rounds: int, seconds: float) -> dict[str, list[float]]:
+    """On each ground, one walk after the other in turn."""
     found: dict[str, list[float]] = {name: [] for name in GROUNDS}
     for _ in range(rounds):
         for name, ground in GROUNDS.items():
@@ -105,9 +111,10 @@ def _environments(settings: Job) -> list[float]:
     return rates[1:]  # the first compiles
 
 
-def _optima(robot: hp.Robot, dtype: Any, settings: Job) -> list[float]:
+def _optima(settings: Job) -> list[float]:
     """Optima at states of a walk or, of another robot, of standing with its weight shifted."""
     random, n = np.random.default_rng(settings["seed"]), settings["size"]
+    robot, dtype = loaded_robot(settings["on"]), np.dtype(settings["dtype"]).type
     batch = CondensedBatch(robot, n, dtype=dtype)
     if robot.name == "harpy":
         walk, gait = _walk(min(settings["seconds"], SHORTER)), hp.make_gait(robot, speed=0.3)
@@ -141,33 +148,36 @@ def _jobs(s: Any) -> Iterator[Job]:
     )
 
 
+FIGURES: dict[str, tuple[str, str, Callable[[Job], list[float]]]] = {
+    "walk": ("walk under the condensed controller, log included", "× real time", _real_time),
+    "tick": (
+        "condensed controller's tick inside C, gait included",
+        "µs",
+        lambda job: _ticks(_walk(job["seconds"])),
+    ),
+    "terrain": ("the same at friction 0.6, {on}", "µs", _ticks_on_terrain),
+    "environments": ("Gymnasium environments, all cores", "steps/s", _environments),
+    "viewer": (
+        "a viewer's share of a tick in Python, {percentile} % of ticks below",
+        "µs",
+        _shares_of_a_viewer,
+    ),
+    "optima": ("whole-body optima, {on}, {dtype}, all cores", "per second", _optima),
+}
+"""What is measured, its unit, and what measures it, by the kind of a job."""
+
+
 def _measured(job: Job) -> dict[str, Any]:
     """A figure: its name, unit, median and best."""
-    kind, unit = job["kind"], "µs"
-    if kind == "walk":
-        what, unit, values = (
-            "walk under the condensed controller, log included",
-            "× real time",
-            _real_time(job),
-        )
-    elif kind == "tick":
-        what, values = (
-            "condensed controller's tick inside C, gait included",
-            _ticks(_walk(job["seconds"])),
-        )
-    elif kind == "terrain":
-        what = f"the same at friction 0.6, {job['on']}"
-        values = _ticks_on_terrain(job["rounds"], min(job["seconds"], SHORTER))[job["on"]]
-    elif kind == "environments":
-        what, unit, values = "Gymnasium environments, all cores", "steps/s", _environments(job)
-    elif kind == "viewer":
-        what = f"a viewer's share of a tick in Python, {job['percentile']} % of ticks below"
-        values = _shares_of_a_viewer(job)
-    else:
-        values = _optima(loaded_robot(job["on"]), np.dtype(job["dtype"]).type, job)
-        what, unit = f"whole-body optima, {job['on']}, {job['dtype']}, all cores", "per second"
-    best = min if unit == "µs" else max
-    return {"what": what, "unit": unit, "median": float(np.median(values)), "best": best(values)}
+    what, unit, values_of = FIGURES[job["kind"]]
+    values = values_of(job)
+    best = min(values) if unit == "µs" else max(values)
+    return {
+        "what": what.format(**job),
+        "unit": unit,
+        "median": float(np.median(values)),
+        "best": best,
+    }
 
 
 STUDY = Study(
