@@ -1,6 +1,7 @@
 """Tables in pages: what a comment chooses, what is replaced, and where the figures come from."""
 
 import json
+from types import SimpleNamespace
 
 import pytest
 import typer
@@ -147,9 +148,6 @@ def test_only_what_the_folder_lacks_is_measured_and_pages_follow(tmp_path, monke
     """
     run = []
 
-    class Ended:
-        returncode = 0
-
     def measured(words, **_):
         run.append(words[1:-2])
         row = {
@@ -168,7 +166,7 @@ def test_only_what_the_folder_lacks_is_measured_and_pages_follow(tmp_path, monke
         }
         with open(words[-1], "w") as file:
             json.dump({"commit": "abc", "walks": [{**row, **numbers}]}, file)
-        return Ended()
+        return SimpleNamespace(returncode=0)
 
     records, data = tmp_path / "docs" / "results", tmp_path / "data"
     records.mkdir(parents=True)
@@ -186,9 +184,6 @@ def test_only_what_the_folder_lacks_is_measured_and_pages_follow(tmp_path, monke
 
 
 def test_a_report_of_the_paper_is_a_source(tmp_path, monkeypatch):
-    class Ended:
-        returncode = 0
-
     def measured(words, **_):
         assert words[1:-2] == [
             "-m",
@@ -206,7 +201,7 @@ def test_a_report_of_the_paper_is_a_source(tmp_path, monkeypatch):
         numbers = {"claims": [{**finding, "gait": gait} for gait in ("hand", "optimised")]}
         with open(words[-1], "w") as file:
             json.dump({**numbers, "vlip_inside": {"margin": inside}}, file)
-        return Ended()
+        return SimpleNamespace(returncode=0)
 
     monkeypatch.setattr(command.subprocess, "run", measured)
     assert command.measured("paper", tmp_path / "data", tmp_path)
@@ -222,10 +217,7 @@ def test_a_report_of_the_paper_is_a_source(tmp_path, monkeypatch):
 
 
 def test_a_command_that_fails_leaves_its_record(tmp_path, monkeypatch):
-    class Ended:
-        returncode = 3
-
-    monkeypatch.setattr(command.subprocess, "run", lambda *_, **__: Ended())
+    monkeypatch.setattr(command.subprocess, "run", lambda *_, **__: SimpleNamespace(returncode=3))
     Record.of("old", {}, [TABLE]).save("grounds", tmp_path)
     assert not command.measured("grounds", tmp_path / "data", tmp_path)
     assert Record.load("grounds", tmp_path).command == "old"
