@@ -150,7 +150,7 @@ def campaign(
     walked by every variant of the paper's governor and by what it is compared with, with published
     settings and with those that "tune" found. "harsh": what "wide" varies, joint damping, weak and
     slow motors, and MuJoCo's default contact; every variant walks, too, with the same torque
-    limits. All but "plain" need MuJoCo. Every finished walk is written to disk at once, so a
+    limits. Every finished walk is written to disk at once, so a
     campaign that was stopped continues when the same command is given again. Rows of other settings
     or other code in the file are ignored.
     """
@@ -224,7 +224,7 @@ def tune(
     error in metres decides. The walks are drawn as those of the wide campaign, from other seeds;
     what is found is judged on further walks. Every tried setting is written to disk at once, so a
     search that was stopped continues when the same command is given again. --budget 20 --train
-    12 --judge 24 takes minutes, the default an hour or more. Needs MuJoCo.
+    12 --judge 24 takes minutes, the default an hour or more.
     """
     check_writable(out)
     who = tuple(only) if only else TuneSettings.variants

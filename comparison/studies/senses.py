@@ -3,7 +3,7 @@
 That is an inertial unit, encoders and motor torques. Thirteen robots and Harpy in both engines, and
 quadrupeds in other people's models of them, walk random commands, pushes and courses, and Harpy
 jumps. The table has falls, on two feet also those on the true state, and how far off the estimate
-is. Needs the extras "robots" and "mujoco".
+is. Needs the extra "robots".
 """
 
 from __future__ import annotations

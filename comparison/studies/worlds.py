@@ -5,7 +5,7 @@ Playground's humanoids: random commands at friction 0.8 and 0.3, commands that l
 a robot's largest speed, turns and reversals at speed, pushes, and noise with a delay.
 "peers --install" installs the models. --clones FOLDER walks humanoids in their makers' own models,
 too: FOLDER has clones of unitreerobotics/unitree_rl_gym and BoosterRobotics/booster_gym. --mjcf
-walks a model of your own. Needs the extra "mujoco". This takes many minutes.
+walks a model of your own. This takes many minutes.
 """
 
 from __future__ import annotations
