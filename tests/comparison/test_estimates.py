@@ -1,4 +1,6 @@
-"""The rival of the estimator, a complementary filter: exact without feet on exact readings, and near the truth on a walk."""
+"""The rival of the estimator, a complementary filter: exact without feet on exact readings, and
+near the truth on a walk.
+"""
 
 from __future__ import annotations
 
