@@ -16,6 +16,7 @@ from comparison.campaign.walks import run_campaign
 from comparison.contenders import CONTENDERS, OWN
 from comparison.measure.timing import Bench, TimingSettings, describe_all_versions, describe_machine
 from comparison.measure.walking import TIMED, record_states, recorded_walk, stage
+from comparison.sections.growth import FACES, time_growth
 from comparison.sections.ticks import (
     WALKS,
     time_formulations,
@@ -53,6 +54,9 @@ class Settings:
     impulse: float = (
         3.0  # of the pushes during the walks on which every controller's tick is timed, N·s
     )
+    faces: tuple[int, ...] = (
+        FACES  # numbers of faces of the friction pyramid, of the section on growth
+    )
     timing: TimingSettings = field(default_factory=TimingSettings)  # how to time
     campaign: CampaignSettings = field(default_factory=CampaignSettings)  # its walks
 
@@ -66,12 +70,17 @@ class Settings:
 
     @classmethod
     def quick(cls, **changes: Any) -> Settings:
-        """Shorter walks, fewer repetitions: to see whether it works, not to quote."""
+        """Shorter walks, fewer repetitions, fewer sizes: to see whether it works, not to quote."""
         timing, campaign = (
             TimingSettings(repetitions=3, programs=500, samples=30),
             CampaignSettings(**QUICK),
         )
-        less: dict[str, Any] = {"duration": 2.0, "timing": timing, "campaign": campaign}
+        less: dict[str, Any] = {
+            "duration": 2.0,
+            "faces": FACES[:2],
+            "timing": timing,
+            "campaign": campaign,
+        }
         return cls(**less | changes)
 
 
@@ -136,6 +145,10 @@ def compare(
     }
     document["formulations"] = time_formulations(
         bench("formulations", [settings.seed, 3]), pushed[1]
+    )
+    grows = partial(stage, progress, "growth")
+    document["growth"] = time_growth(
+        robot, timing.repetitions, settings.seed, faces=settings.faces, stage=grows
     )
     whole = bench("simulator", [settings.seed, 4], WALKS * len(CONTENDERS))
     document["simulator"] = time_simulator(whole, duration=min(settings.duration, 4.0))

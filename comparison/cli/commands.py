@@ -36,7 +36,7 @@ from comparison.peers.compare import (
 from comparison.peers.environment import PEERS, WORLDS, default_folder
 from comparison.peers.environment import install as install_peer
 from comparison.report.answer import answer_of, passed
-from comparison.report.html import pareto_table, picture_of, write_report
+from comparison.report.html import figures_of, picture_of, tables_of, write_report
 from comparison.tuning.tune import TuneSettings, tuning_tables
 from comparison.tuning.tune import tune as search_settings
 from harpy_pin import checks
@@ -58,7 +58,8 @@ def whole(
     force: Force = False,
     json: NumbersFile = None,
     figures: Annotated[
-        Path | None, typer.Option("--figures", metavar="DIR", help="Also save pareto.png there.")
+        Path | None,
+        typer.Option("--figures", metavar="DIR", help="Also save pareto.png and growth.png there."),
     ] = None,
     seed: Annotated[
         int,
@@ -97,8 +98,11 @@ def whole(
         document |= compare(settings, progress, rows=folder.place("campaign.jsonl"))
     write_report(folder, document)
     if figures is not None:
-        with replacing(figures / "pareto.png") as file:
-            file.write(picture_of(pareto_table(document)))
+        for name, figure in figures_of(
+            {table.name: table for table in tables_of(document)}
+        ).items():
+            with replacing(figures / f"{name}.png") as file:
+                file.write(picture_of(figure))
     typer.echo(
         answer_of(document).to_string(folder.path / "report.html")
         + (f"\n{NO_EVIDENCE}" if quick else "")

@@ -1,6 +1,6 @@
-"""The figure of the comparison: what a tick costs against how well the feet hold.
+"""Figures of the comparison: what a tick costs against how well the feet hold, and how times grow.
 
-It is drawn from the report's tables only, which the CSV holds.
+They are drawn from the report's tables only, which the CSV holds.
 """
 
 from __future__ import annotations
@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from comparison.sections.growth import KINDS, PARTS
 from comparison.tables import Table
 from harpy_pin.errors import InputError
 from harpy_pin.view.figures import styled
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
 
 _PROXQP = SLIDING
 _OTHERS = ("#6b7480", THRUST, CONTACT, TARGET, APPLIED, FRICTION, "#8c564b", "#3b3b3b")
+_GROWTH = ("#6b7480", SLIDING, THRUST, "#8c564b", TARGET, "#7a3e9d", CONTACT)
 _LIFTS = (0.0, 22.0, -22.0, 40.0, -40.0, 66.0, -66.0, 92.0, -92.0, 118.0, -118.0)
 """How far above its point a label may stand, in the order of preference, points."""
 
@@ -177,6 +179,42 @@ def _write_labels(
         axes.annotate(
             texts[row], points[row], (right, up - 5.5), color="#2b3440", fontsize=8.0, **place
         )
+
+
+@styled
+def growth_figure(tables: Mapping[str, Table]) -> Figure:
+    """Times against faces, feet held and degrees of freedom: three panels that share the axis of
+    time.
+    """
+    from matplotlib.figure import Figure
+    from matplotlib.ticker import LogLocator
+
+    figure = Figure(figsize=(8.4, 3.6), layout="constrained")
+    panels = figure.subplots(1, len(KINDS), sharey=True)
+    for panel, (kind, (axis, _)) in zip(panels, KINDS.items(), strict=True):
+        table = tables[f"growth_{kind}"]
+        rows = [row for row in table.rows if np.isfinite(table.number(row, "size"))]
+        rows.sort(key=lambda row: table.number(row, "size"))
+        robots = [
+            row.partition(",")[0] if kind == "contacts" else "all" for row in rows
+        ]  # a line for each of them
+        for colour, text in zip(_GROWTH, PARTS.values(), strict=True):
+            for robot in dict.fromkeys(robots):
+                own = [row for row, of in zip(rows, robots, strict=True) if of == robot]
+                x, y = ([table.number(row, column) for row in own] for column in ("size", text))
+                panel.plot(x, y, marker="o", markersize=4, color=colour, label=text)
+        panel.set_xscale("log", base=2)
+        panel.set_yscale("log")
+        panel.set_xticks(sorted({table.number(row, "size") for row in rows}))
+        _write_plainly(panel.xaxis, panel.yaxis)
+        panel.set_xlabel(axis)
+        panel.grid(True, which="both", alpha=0.25)
+    panels[0].yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    panels[0].set_ylabel("median, µs")
+    figure.legend(
+        *panels[0].get_legend_handles_labels(), loc="outside upper center", ncols=3, frameon=False
+    )
+    return figure
 
 
 def _write_plainly(*axes: Axis) -> None:

@@ -6,17 +6,21 @@ import io
 from base64 import b64encode
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from comparison.campaign.summary import summary_tables
 from comparison.contenders import label
 from comparison.measure.walking import TIMED
 from comparison.report.answer import COLUMNS, answer_of, passed
-from comparison.report.figures import pareto_figure
+from comparison.report.figures import growth_figure, pareto_figure
+from comparison.sections.growth import growth_tables
 from comparison.sections.ticks import formulations_table, simulator_table, ticks_tables
 from comparison.sections.timing import timing_tables
 from comparison.tables import Cell, Table, in_columns, to_csv
 from harpy_pin.files import OwnFolder, json_text
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 MEASURES = {
     "fell": "fell",
@@ -52,6 +56,7 @@ def tables_of(document: Mapping[str, Any]) -> list[Table]:
         *ticks_tables(document["ticks"]),
         formulations_table(document["formulations"], friction),
         *summary_tables(document["campaign"]),
+        *growth_tables(document["growth"]),
         simulator_table(document["simulator"]),
         *(
             _flat(document[key], key, key.capitalize())
@@ -107,14 +112,23 @@ _SECTIONS: dict[str, tuple[str, tuple[str, ...]]] = {
     "timing": ("Where the time goes", ("timing", "ratios")),
     "campaign": ("The campaign", ("campaign",)),
     "walks": ("Undisturbed walks", ("walk",)),
+    "growth": ("Growth", ("growth",)),
     "simulator": ("The simulator", ("simulator",)),
     "checks": ("What was checked", ("checks", "activity")),
     "setup": ("Machine, versions, settings", ("machine", "versions", "settings")),
 }
-_CAPTION = (
-    "Each point is a controller with its governor. Dashed line: no other controller is better in "
-    "both."
-)
+_CAPTIONS = {
+    "overview": "Each point is a controller with its governor. Dashed line: no other controller is "
+    "better in both.",
+    "growth": "Medians. Lines join the cases of one robot (for feet held) or all cases "
+    "(otherwise).",
+}
+"""Of the figures, by the section in which one stands."""
+
+
+def figures_of(tables: Mapping[str, Table]) -> dict[str, Figure]:
+    """The figures, by name, in the order of :data:`_CAPTIONS`."""
+    return {"pareto": pareto_figure(tables["pareto"]), "growth": growth_figure(tables)}
 
 
 def write_report(folder: OwnFolder, document: Mapping[str, Any]) -> None:
@@ -144,8 +158,14 @@ def render(document: Mapping[str, Any]) -> str:
         loader=FileSystemLoader(Path(__file__).parent), trim_blocks=True, lstrip_blocks=True, **how
     )
     tables = {table.name: table for table in tables_of(document)}
-    source = f"data:image/png;base64,{b64encode(picture_of(tables['pareto'])).decode()}"
-    figures = {"overview": {"caption": _CAPTION, "source": source}}
+    drawn = zip(_CAPTIONS.items(), figures_of(tables).values(), strict=True)
+    figures = {
+        anchor: {
+            "caption": caption,
+            "source": f"data:image/png;base64,{b64encode(picture_of(figure)).decode()}",
+        }
+        for (anchor, caption), figure in drawn
+    }
     sections = [
         {"anchor": anchor, "title": title, "tables": found, "figure": figures.get(anchor)}
         for anchor, (title, prefixes) in _SECTIONS.items()
@@ -169,8 +189,8 @@ def render(document: Mapping[str, Any]) -> str:
     )
 
 
-def picture_of(pareto: Table) -> bytes:
-    """The figure of the table of cost and quality, as PNG."""
+def picture_of(figure: Figure) -> bytes:
+    """A figure as PNG."""
     out = io.BytesIO()
-    pareto_figure(pareto).savefig(out, format="png", dpi=160)
+    figure.savefig(out, format="png", dpi=160)
     return out.getvalue()
