@@ -21,7 +21,6 @@ from comparison.report.html import tables_of
 from comparison.report.pages import filled
 from comparison.report.record import FOLDER, ROOT, Record
 from comparison.tables import Table
-from comparison.tuning.tune import tuning_tables
 from harpy_pin import checks
 from harpy_pin.errors import HarpyError, RunFileError
 from harpy_pin.files import replacing
@@ -32,10 +31,6 @@ PAGES = ("README.md", "docs/*.md")
 CAMPAIGNS: Mapping[str, str] = {
     **{kind: f"campaign {kind}" for kind in ("wide", "variants", "harsh")},
     "damped": "campaign variants --walks 960 --joint-damping 5",
-}
-SEARCHES: Mapping[str, str] = {
-    "tune": "tune --budget 48 --train 20 --judge 40 --duration 4",
-    "tune_damped": "tune --budget 48 --train 20 --judge 40 --duration 4 --joint-damping 5",
 }
 DRAWN: Mapping[str, str] = {
     "assumption": "assumption",
@@ -51,7 +46,6 @@ _COMPARED: Mapping[str, str] = {
     "comparison": "--figures docs/images",
     "peers": "peers",
     **CAMPAIGNS,
-    **SEARCHES,
     **{
         name: f"{name} --figure docs/images/{DRAWN[name]}.png" if name in DRAWN else name
         for name in STUDIES
@@ -75,8 +69,6 @@ def tables_from(source: str, document: Mapping[str, Any]) -> list[Table]:
         return STUDIES[source].tables(document["walks"])
     if source in CAMPAIGNS:
         return [variants_table(document), exceptions_table(document), *summary_tables(document)]
-    if source in SEARCHES:
-        return tuning_tables(document)
     if source == "peers":
         return peer_tables(document["peers"])
     make = {"comparison": tables_of, "paper": paper_tables}[source]
