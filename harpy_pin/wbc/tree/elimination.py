@@ -165,30 +165,20 @@ def eliminate_limit(e: EliminationRecord, n: int, row: Vector) -> None:
         if d == ROOT and limb >= 0:
             schur, own = e.schur[first:last, : last - first], rows[first:last]
             solve_transposed(schur, own.reshape((last - first, 1)), 1)
-            for r in range(first, last):
-                side[:ROOT] += rows[r] * e.rows[r, SIDES : SIDES + ROOT]
+            side[:ROOT] += own @ e.rows[first:last, SIDES : SIDES + ROOT]
 
 
 @kernel
 def limit_equation(e: EliminationRecord, n: int, compliance: Vector, demand: Vector) -> None:
     """Row and column of K, and entry of w, of limit n; ``demand`` is without its bias."""
     side, rows, at = e.limit_sides[n], e.limit_rows[n], ROOT + n
-    entry = np.zeros(SIDES)
-    for k in range(side.shape[0]):
-        entry -= side[k] / e.inverse_pivot[k] * e.matrix[k, :SIDES]
-    for r in range(rows.shape[0]):
-        entry += rows[r] * e.rows[r, :SIDES]
+    freed = side / e.inverse_pivot
+    entry = rows @ e.rows[:, :SIDES] - freed @ e.matrix[:, :SIDES]
     demand[at] = entry[ROOT]
-    compliance[at, :ROOT] = -entry[:ROOT]
-    compliance[:ROOT, at] = -entry[:ROOT]
+    compliance[at, :ROOT] = compliance[:ROOT, at] = -entry[:ROOT]
     for other in range(n + 1):
-        total = 0.0
-        for k in range(side.shape[0]):
-            total += side[k] / e.inverse_pivot[k] * e.limit_sides[other, k]
-        for r in range(rows.shape[0]):
-            total -= rows[r] * e.limit_rows[other, r]
-        compliance[at, ROOT + other] = total
-        compliance[ROOT + other, at] = total
+        total = freed @ e.limit_sides[other] - rows @ e.limit_rows[other]
+        compliance[at, ROOT + other] = compliance[ROOT + other, at] = total
 
 
 @kernel
@@ -202,15 +192,13 @@ def back_substitute(e: EliminationRecord, z: Vector, limits: Vector) -> None:
                 mu = e.multiplier[first:last]
                 mu[:] = e.rows[first:last, :SIDES] @ z
                 mu += e.rows[first:last, SIDES : SIDES + ROOT] @ e.acceleration[:ROOT]
-                for n in range(limits.shape[0]):
-                    mu += limits[n] * e.limit_rows[n, first:last]
+                mu += limits @ e.limit_rows[: limits.shape[0], first:last]
                 solve_factor(e.schur[first:last, : last - first], mu.reshape((last - first, 1)), 1)
             for r in range(first, last):
                 if e.path[e.row_end[r], d] == k:
                     pull += e.rows[r, SIDES + d] * e.multiplier[r]
         pull = e.inverse_pivot[k] * pull + e.matrix[k, :SIDES] @ z
-        for n in range(limits.shape[0]):
-            pull += limits[n] * e.limit_sides[n, k]
+        pull += limits @ e.limit_sides[: limits.shape[0], k]
         for i in range(d):
             pull += e.matrix[k, SIDES + i] * e.acceleration[e.path[k, i]]
         e.acceleration[k] = -pull

@@ -167,8 +167,8 @@ def root_multiplier(n: NewtonRecord, multiplier: Vector) -> None:
     multiplier[:] = n.demand[:6] - n.force_map[:, :6].T @ n.force
     if n.thrust.shape[0] > 0:
         multiplier -= n.thrust_map[:, :6].T @ n.thrust
-    for i in range(6, 6 + n.limits):
-        multiplier -= n.multiplier[i] * n.compliance[i, :6]
+    s = 6 + n.limits
+    multiplier -= n.multiplier[6:s] @ n.compliance[6:s, :6]
     matrix = n.matrix[:6, :6]
     factorise(n.compliance[:6, :6], matrix, MIN_PIVOT * _largest(n.compliance))
     solve_vector(matrix, multiplier)
