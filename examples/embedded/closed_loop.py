@@ -20,6 +20,7 @@ from harpy_pin.export.exported_controllers import exportable
 from harpy_pin.export.recording import ready
 from harpy_pin.gaits.straight import _walk
 from harpy_pin.kernels.compiler import compiler
+from harpy_pin.kernels.functions import translate
 from harpy_pin.kernels.types import REAL, Array, Struct
 from harpy_pin.kernels.unit import Unit
 from harpy_pin.model.record import make_record
@@ -90,9 +91,9 @@ def program(duration: float, *, single: bool) -> dict[str, str]:
     names = ("target", "gait", "dynamics", "ground", "step")
     one = {name: Array.packed(Struct(world.dtype[name], name), (1,)) for name in names}
     q, v, feet, joints = (Array.packed(REAL, shape) for shape in ((13,), (12,), (2, 3), (6,)))
-    walk = unit.function_for(_walk, (REAL, one["gait"].element, one["target"].element))
+    walk = translate(unit, _walk, (REAL, one["gait"].element, one["target"].element))
     records = tuple(one[name].element for name in ("dynamics", "ground", "step"))
-    physics = unit.function_for(physics_steps, (*records, q, v, joints, feet, feet))
+    physics = translate(unit, physics_steps, (*records, q, v, joints, feet, feet))
     unit.struct(Struct(world.dtype, "world"))
     table, statements = initial_values(unit, world)
     main = MAIN.replace("STATEMENTS", "\n    ".join(statements))

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from harpy_pin.export.exported_controllers import LAW, Exportable
 from harpy_pin.export.mathematics import PORTABLE
+from harpy_pin.kernels.functions import translate
 from harpy_pin.kernels.types import REAL, Array, Struct
 from harpy_pin.kernels.unit import Unit
 from harpy_pin.model.record import Record
@@ -82,7 +83,7 @@ def controller_code(what: Exportable, name: str, *, single: bool) -> Code:
     unit = Unit(single=single, prefix=f"{name}_", own=PORTABLE if single else {}, taken=public)
     state, target = Struct(what.record.dtype, "state"), Struct(what.target.dtype, "target")
     measured = (Array.packed(REAL, shape) for shape in what.inputs.values())
-    step = unit.function_for(what.step, (state, target, *measured))
+    step = translate(unit, what.step, (state, target, *measured))
     assert step.written <= {"r"}, "a tick changes what it was given"
     unit.struct(state), unit.struct(target)
     table, statements = initial_values(unit, what.record)

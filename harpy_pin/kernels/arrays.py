@@ -1,124 +1,90 @@
-"""Arrays that are computed: NumPy's operators and functions, element by element.
+"""Arrays of a kernel as C: their elements, what is done element by element, and how they are
+written to memory.
 
-Such an array is no memory but a rule that gives the C of one element. It is written where it is
-assigned. What reads an element several times, such as a product of matrices, puts it into memory
-first. Sums go from the first term to the last; NumPy does not say in which order it goes.
+An array that is computed is no memory but a rule that gives the C of one element. It is written
+where it is assigned.
 """
 
 from __future__ import annotations
 
-import ast
 from collections.abc import Callable, Sequence
+from contextlib import ExitStack, nullcontext
 from dataclasses import replace
-from typing import Any
+from itertools import product
+from math import prod
 
-import numpy as np
-
-from harpy_pin.kernels.expressions import Expressions
-from harpy_pin.kernels.operators import PRODUCT, SUM, UNARY, Refused, wrap
-from harpy_pin.kernels.types import BOOLEAN, INTEGER, REAL, SINGLE, Array, Scalar, Struct, Value
+from harpy_pin.kernels.code import BINDING, UNARY, Code, c, joined, variable
+from harpy_pin.kernels.numbers import Numbers, choice_of, wider
+from harpy_pin.kernels.overlaps import may_meet, may_overlap
+from harpy_pin.kernels.types import BOOLEAN, INTEGER, REAL, SINGLE, Array, Scalar, Size, known
+from harpy_pin.kernels.values import AnArray, Computed, Items, Number, Record, Refused, Value, View
 
 SHORT = 9
 """Elements that are written one by one, without a loop."""
 SIDE = 3
 """Elements along one axis of a larger array that are written one by one."""
-LONG = 6
-"""Terms of a sum that are written out, without a loop."""
 
-Rule = Callable[[Sequence[Value]], Value]
-Shape = tuple[int | str, ...]
+Shape = tuple[Size, ...]
 
 
-class Arrays(Expressions):
-    """Translates operators and functions whose result is an array, or that go through one."""
+class Arrays(Numbers):
+    """Translates what is done with arrays element by element."""
 
-    def element(self, array: Value, indices: Sequence[Value]) -> Value:
+    def element(self, array: AnArray, indices: Sequence[Number]) -> Number:
         """An element as a number."""
-        kind = as_array(array)
-        if array.rule is not None:
-            return array.rule(indices)
-        if isinstance(kind.element, Struct):
+        if isinstance(array, View):
+            return self.loaded(self.dereferenced(array).at(offset(array.type, indices)))
+        if array.rule is None:
+            raise Refused("a calculation with what was never written")
+        return array.rule(indices)
+
+    def loaded(self, view: View) -> Number:
+        """The element that a view without axes is, as a number."""
+        if not isinstance(view.element, Scalar):
             raise Refused("a calculation with an array of records")
-        code = self.at(self.dereferenced(array), offset(kind, indices))
-        if kind.element is SINGLE:
-            return Value(REAL, f"(real){code}", UNARY, volatile=True)
-        return Value(kind.element, code, volatile=True)
+        place = view.place.loaded
+        if view.element is SINGLE:
+            return Number(REAL, c("(real){}", place, binding=UNARY))
+        return Number(view.element, place)
 
-    def part(self, owner: Value, index: ast.expr) -> Value:
-        """A part of an array: a view, or elements chosen by one array of indices."""
-        parts = list(index.elts) if isinstance(index, ast.Tuple) else [index]
-        chosen = {
-            n: value
-            for n, part in enumerate(parts)
-            if isinstance((value := self._of_part(part)).type, Array)
-        }
-        if not chosen:
-            return self.view(owner, parts)
-        ((place, indices),) = chosen.items()
-        whole = self.view(
-            owner, [ast.Slice() if n == place else part for n, part in enumerate(parts)]
-        )
-        before = sum(isinstance(part, ast.Slice) for part in parts[:place])
-        kind = as_array(whole)
-        if len(chosen) > 1 or len(as_array(indices).shape) > 1 or _number(indices) is not INTEGER:
-            raise Refused("a choice of elements by anything but one vector of integers")
-        if before < place and len(parts) > before + 1 + sum(
-            isinstance(part, ast.Slice) for part in parts[place:]
-        ):
-            raise Refused("a choice of elements beside an index")
+    def dereferenced(self, view: View) -> View:
+        """An array whose elements are named, in a branch that a robot without them never comes
+        to.
+        """
+        if not view.is_null:
+            return view
+        return replace(view, base=c("(({})NULL)", self.unit.declare(view.type, "").strip()))
 
-        def rule(at: Sequence[Value]) -> Value:
-            n = self.inside(self.element(indices, at[before : before + 1]), kind.shape[before])
-            return self.element(whole, [*at[:before], n, *at[before + 1 :]])
-
-        shape = (*kind.shape[:before], *as_array(indices).shape, *kind.shape[before + 1 :])
-        packed, fields = (
-            Array.packed(_number(whole), shape),
-            (f"{path.partition('+')[0]}+" for path in owner.fields),
-        )
-        return Value(
-            packed,
-            rule=rule,
-            roots=owner.roots,
-            fields=frozenset(fields),
-            reads=_elsewhere(whole, indices),
-        )
-
-    def _of_part(self, part: ast.expr) -> Value:
-        """An index that may be an array; of a slice anything else."""
-        return (
-            self.constant(0)
-            if isinstance(part, ast.Slice | ast.Constant)
-            else self.expression(part)
-        )
-
-    def elementwise(self, operation: Callable[..., Value], *values: Value) -> Value:
+    def elementwise(self, operation: Callable[..., Number], *values: Value) -> Number | Computed:
         """An operation on numbers for each element; a number counts for every element."""
-        arrays = [value for value in values if isinstance(value.type, Array)]
+        arrays = [value for value in values if isinstance(value, AnArray)]
         if not arrays:
-            return operation(*values)
-        shape = as_array(arrays[0]).shape
+            return operation(*map(as_number, values))
+        shape = arrays[0].shape
         for array in arrays[1:]:
-            shape = self.common_shape(shape, as_array(array).shape)
-        parts = list(values) if 0 in shape else [self.operand(value) for value in values]
+            shape = self.common_shape(shape, array.shape)
+        parts = [_plain(value) if 0 in shape else self.operand(value) for value in values]
 
-        def rule(indices: Sequence[Value]) -> Value:
-            return operation(
-                *(self.element(part, indices) if part in arrays else part for part in parts)
-            )
+        def rule(indices: Sequence[Number]) -> Number:
+            return operation(*(self._at(part, indices) for part in parts))
 
-        kind = operation(*(Value(_number(part), "x", volatile=True) for part in parts)).type
-        assert isinstance(kind, Scalar)
-        reads = tuple(read for part in arrays for read in read_by(part))
-        return Value(Array.packed(kind, shape), rule=rule, reads=reads)
+        kind = operation(*(Number(number_type(part), Code("x")) for part in parts)).type
+        reads = tuple(
+            read for array in parts if isinstance(array, AnArray) for read in read_by(array)
+        )
+        return Computed(kind, shape, rule, reads)
 
-    def operand(self, value: Value) -> Value:
+    def _at(self, value: Value, indices: Sequence[Number]) -> Number:
+        """An element of an array, or the number that every element is."""
+        return self.element(value, indices) if isinstance(value, AnArray) else as_number(value)
+
+    def operand(self, value: Value) -> Number | AnArray:
         """An array, or a number that is computed once."""
-        if isinstance(value.type, Array) or value.constant is not None or value.code.isidentifier():
-            return value
-        if not isinstance(value.type, Scalar):
-            raise Refused("a calculation with what is neither a number nor an array")
-        return self.keep("factor", value)
+        number = _plain(value)
+        if not isinstance(number, Number):
+            return number
+        simple = number.constant is not None or number.code.is_name
+        return number if simple else self.keep("factor", number)
 
     def common_shape(self, a: Shape, b: Shape, *, written: bool = False) -> Shape:
         """The shape of two arrays that must have the same; one row for many is Python's alone.
@@ -130,263 +96,217 @@ class Arrays(Expressions):
         known = [(x, y) for x, y in pairs if isinstance(x, int) and isinstance(y, int)]
         stretched = any(x != y and (y == 1 or (x == 1 and not written)) for x, y in pairs)
         if len(a) != len(b) or stretched or any(x != y for x, y in known):
-            raise Refused(f"an array of shape {b} where {a} is needed")
+            raise Refused(f"an array of shape {shape_text(b)} where {shape_text(a)} is needed")
         for x, y in pairs:
             if self.unit.debug and x != y:
-                self.emit(f"{self.unit.helper('within')}({x}, {y}, {x}, __LINE__);")
+                self.emit("{}({}, {}, {}, __LINE__);", self.unit.helper("within"), x, y, x)
         return tuple(x if isinstance(x, int) else y for x, y in pairs)
 
-    def arithmetic(self, operator: ast.operator, a: Value, b: Value) -> Value:
-        """An operation on numbers or arrays."""
-        if isinstance(operator, ast.MatMult):
-            return self._product(a, b)
-        return self.elementwise(lambda x, y: super(Arrays, self).arithmetic(operator, x, y), a, b)
-
-    def relation(self, operator: ast.cmpop, a: Value, b: Value) -> Value:
-        """A comparison of numbers or arrays."""
-        if isinstance(a.type, Array) or isinstance(b.type, Array):
-            return self.elementwise(lambda x, y: super(Arrays, self).relation(operator, x, y), a, b)
-        return super().relation(operator, a, b)
-
-    def negative(self, value: Value) -> Value:
-        """``-a`` of a number or an array."""
-        return self.elementwise(super().negative, value)
-
-    def choice(self, condition: Value, a: Value, b: Value) -> Value:
+    def choice(self, condition: Number, a: Value, b: Value) -> Value:
         """One of two values; of arrays that are computed, elements are chosen."""
-        if a.rule is None and b.rule is None:
-            return super().choice(condition, a, b)
-        return self._where(condition, a, b)
+        if isinstance(a, Items) and isinstance(b, Items) and len(a.items) == len(b.items):
+            pairs = zip(a.items, b.items, strict=True)
+            return Items(tuple(self.choice(condition, x, y) for x, y in pairs))
+        if isinstance(a, Number) and isinstance(b, Number):
+            return self._choice_of_numbers(condition, a, b)
+        if isinstance(a, Computed) or isinstance(b, Computed):
+            return self.where(condition, a, b)
+        if isinstance(a, View | Record) and isinstance(b, View | Record) and a.type == b.type:
+            code = choice_of(condition.code, a.address, b.address)
+            ways = a.ways | b.ways if a.ways and b.ways else frozenset[str]()
+            if isinstance(a, View):
+                return View(a.type, code, roots=a.roots | b.roots, ways=ways)
+            return Record(a.type, code, pointer=True, roots=a.roots | b.roots, ways=ways)
+        raise Refused("two kinds of value, one of which is chosen at run time")
 
-    def _where(self, condition: Value, a: Value, b: Value) -> Value:
-        choose = super().choice
-        return self.elementwise(
-            lambda c, x, y: choose(self.cast(c, BOOLEAN), x, y), condition, a, b
-        )
+    def where(self, condition: Value, a: Value, b: Value) -> Value:
+        """``np.where``."""
 
-    def _product(self, a: Value, b: Value) -> Value:
-        """``a @ b`` of vectors and matrices."""
-        a, b = self._factor(a), self._factor(b)
-        left, right = as_array(a).shape, as_array(b).shape
-        (inner,) = self.common_shape(left[-1:], right[:1])
-        rows = len(left) - 1
+        def choose(condition: Number, a: Number, b: Number) -> Number:
+            return self._choice_of_numbers(self.cast(condition, BOOLEAN), a, b)
 
-        def rule(indices: Sequence[Value]) -> Value:
-            def term(k: Value) -> Value:
-                return self._times(
-                    self.element(a, [*indices[:rows], k]), self.element(b, [k, *indices[rows:]])
-                )
+        return self.elementwise(choose, condition, a, b)
 
-            return self._joined(inner, term, self._plus, "0")
+    def _choice_of_numbers(self, condition: Number, a: Number, b: Number) -> Number:
+        kind = wider(a, b)
+        codes = self.cast(a, kind).code, self.cast(b, kind).code
+        return Number(kind, choice_of(condition.code, *codes))
 
-        if len(left) + len(right) == 2:
-            return rule(())
-        return Value(
-            Array.packed(REAL, (*left[:-1], *right[1:])), rule=rule, reads=_elsewhere(a, b)
-        )
-
-    def _factor(self, value: Value, axes: Sequence[int] = (1, 2)) -> Value:
-        """A vector or a matrix in memory."""
-        if not isinstance(value.type, Array) or len(value.type.shape) not in axes:
-            raise Refused("a product of other things than vectors and matrices")
-        return self.in_memory(value)
-
-    def _times(self, a: Value, b: Value) -> Value:
-        return self.arithmetic(ast.Mult(), self.real(a), self.real(b))
-
-    def _plus(self, a: Value, b: Value) -> Value:
-        return self.arithmetic(ast.Add(), a, b)
-
-    def _joined(
-        self,
-        size: int | str,
-        term: Callable[[Value], Value],
-        join: Callable[[Value, Value], Value],
-        none: str,
-    ) -> Value:
-        """Terms joined to one number, from the first to the last: written out, or by a loop before
-        the statement.
-        """
-        if isinstance(size, int) and 0 < size <= LONG:
-            value = term(self.constant(0))
-            for k in range(1, size):
-                value = join(value, term(self.constant(k)))
-            return value
-        index, before = Value(INTEGER, self.fresh("k_")), self.emitted
-        first, other = term(self.constant(0)), term(index)
-        if self.emitted > before:
-            raise Refused("a sum of sums: give the inner one a name first")
-        total = Value(first.type, self.fresh("total"), volatile=True)
-        begin = (
-            first.code if isinstance(size, int) and size else f"{size} > 0 ? {first.code} : {none}"
-        )
-        self.emit(f"{first.type} {total.code} = {begin};")
-        loop = f"for (integer {index.code} = 1; {index.code} < {size}; {index.code}++)"
-        self.emit(f"{loop} {total.code} = {join(total, other).code};")
-        return total
-
-    def _cross(self, a: Value, b: Value) -> Value:
-        """``np.cross`` of vectors; one of them, or both, may be rows of a matrix."""
-        a, b = self._factor(a), self._factor(b)
-        left, right = as_array(a).shape, as_array(b).shape
-        if left[-1] != 3 or right[-1] != 3:
+    def space(self, name: str, shape: Shape) -> View:
+        """Work space for real numbers; its size is known when compiling."""
+        sizes = known(shape)
+        if sizes is None:
             raise Refused(
-                "a cross product of other arrays than of three numbers, or of rows of three"
+                "an array that is computed, whose size is not known when compiling: write it to "
+                "work space"
             )
-        shape = (
-            self.common_shape(left, right) if len(left) == len(right) else max(left, right, key=len)
-        )
+        if 0 in sizes:
+            return View(Array.packed(REAL, shape), Code("NULL"))
+        declared = f"{REAL} {{}}[{prod(sizes)}]"
+        own = self.variable(name, self.unit.identifier(name), declared, array=True).name
+        self.work.append(own)
+        memory = frozenset((own,))
+        return View(Array.packed(REAL, shape), variable(own), None, memory, memory)
 
-        def rule(indices: Sequence[Value]) -> Value:
-            next_, last = (self._turned(indices[-1], n) for n in (1, 2))
-            first = self._times(of(a, indices, next_), of(b, indices, last))
-            return self.arithmetic(
-                ast.Sub(), first, self._times(of(a, indices, last), of(b, indices, next_))
-            )
-
-        def of(array: Value, indices: Sequence[Value], n: Value) -> Value:
-            return self.element(array, [*indices[: len(as_array(array).shape) - 1], n])
-
-        return Value(Array.packed(REAL, shape), rule=rule, reads=_elsewhere(a, b))
-
-    def _turned(self, index: Value, n: int) -> Value:
-        """An index of three, n places on."""
-        return self.arithmetic(
-            ast.Mod(), self.arithmetic(ast.Add(), index, self.constant(n)), self.constant(3)
-        )
-
-    def _outer(self, a: Value, b: Value) -> Value:
-        a, b = self._factor(a, (1,)), self._factor(b, (1,))
-
-        def rule(indices: Sequence[Value]) -> Value:
-            return self._times(self.element(a, indices[:1]), self.element(b, indices[1:]))
-
-        shape = (*as_array(a).shape, *as_array(b).shape)
-        return Value(Array.packed(REAL, shape), rule=rule, reads=_elsewhere(a, b))
-
-    def transposed(self, a: Value) -> Value:
-        """``a.T``: of what is in memory a view."""
-        kind, rule = as_array(a), a.rule
-        shape = kind.shape[::-1]
-        if rule is None:
-            return replace(a, type=Array(kind.element, shape, kind.strides[::-1]))
-        return Value(
-            Array.packed(kind.element, shape), rule=lambda n: rule(n[::-1]), reads=_elsewhere(a)
-        )
-
-    def array_of(self, items: Value) -> Value:
-        """Numbers, or vectors of one length, as an array."""
-        rows = [self.items_of(item) for item in self.items_of(items)]
-        if len({len(row) for row in rows}) != 1:
-            raise Refused("rows of different lengths")
-        shape = (len(rows), len(rows[0])) if rows[0] else (len(rows),)
-        made = self.space("array", shape)
-        numbers = [number for row in rows for number in row] or list(self.items_of(items))
-        for n, number in enumerate(numbers):
-            self.emit(f"{made.code}[{n}] = {self.real(number).code};")
+    def in_memory(self, array: AnArray, name: str = "array") -> View:
+        """An array that is in memory, where it is written before the statement if it is
+        computed.
+        """
+        if isinstance(array, View):
+            return replace(array, made=False)
+        made = self.space(name, array.shape)
+        if array.rule is not None:
+            self.fill(made, array)
         return made
 
-    def items_of(self, value: Value) -> tuple[Value, ...]:
-        """Items of a tuple, or elements of a vector of a known length; of a number none."""
-        if not isinstance(value.type, Array):
-            return value.items
-        if len(value.type.shape) != 1 or not isinstance(value.type.shape[0], int):
-            raise Refused("the elements of what is no vector of a known length")
-        return tuple(self.element(value, [self.constant(n)]) for n in range(value.type.shape[0]))
+    def kept(self, name: str, value: Value) -> Value:
+        """A value in variables of its own, before the statement."""
+        if isinstance(value, Number):
+            return self.keep(name, value)
+        if isinstance(value, Items):
+            return Items(tuple(self.kept(name, item) for item in value.items))
+        if isinstance(value, Computed):
+            return self.in_memory(value)
+        if not isinstance(value, View | Record):
+            return value
+        own = self.fresh(name)
+        self.emit("{} = {};", self.unit.declare(value.type, f"const {own}"), value.address)
+        if isinstance(value, View):
+            return replace(value, base=own, offset=None)
+        return replace(value, code=own, pointer=True)
 
-    def _eye(self, size: Value) -> Value:
-        n = size.constant if isinstance(size.constant, int) else size.code
-        return Value(
-            Array.packed(REAL, (n, n)), rule=lambda at: self.real(self.relation(ast.Eq(), *at))
-        )
+    def fill(self, place: AnArray, value: Value) -> None:
+        """Write every element of an array, from a number, or from an array of its shape."""
+        if is_empty(place):
+            return
+        sizes = [size if isinstance(size, int) else SHORT + 1 for size in place.shape]
+        short = prod(sizes) <= SHORT
+        if isinstance(value, AnArray):
+            self.common_shape(place.shape, value.shape, written=True)
+            value = value if short else self._apart(place, value)
+        if isinstance(value, Computed) and value.every is not None:
+            value = value.every
+        value = self.operand(value)
+        names: list[Code] = []
+        axes: list[list[Number]] = []
+        with ExitStack() as blocks:
+            for axis, size in enumerate(sizes):
+                if short or size <= SIDE:
+                    axes.append([self.constant(n) for n in range(size)])
+                    continue
+                i = self.fresh("ijk"[axis] + "_")
+                names.append(i)
+                axes.append([Number(INTEGER, i)])
+                header = c("for (integer {} = 0; {} < {}; {}++)", i, i, place.shape[axis], i)
+                blocks.enter_context(self.block(header, loop=True))
+            self.taken -= {name.text for name in names}
+            self._fill_elements(place, value, list(product(*axes)))
 
-    def _through(self, join: Callable[[Value, Value], Value], array: Value, none: str) -> Value:
-        """All elements of a vector joined to one number."""
-        if not isinstance(array.type, Array) or len(array.type.shape) != 1:
-            raise Refused("what goes through a vector, of something else")
-        return self._joined(array.type.shape[0], lambda k: self.element(array, [k]), join, none)
+    def _fill_elements(
+        self, place: AnArray, value: Number | AnArray, places: list[tuple[Number, ...]]
+    ) -> None:
+        """Write elements: all are computed before the first is written, so that compilers may do
+        several at once.
+        """
+        if not isinstance(place.element, Scalar):
+            raise Refused("an assignment to whole records")
+        kind, several = place.element, len(places) > 1 and isinstance(value, AnArray)
+        with self.block(Code("")) if several else nullcontext():
+            numbers = [self._at(value, at) for at in places]
+            if several:
+                numbers = [self.keep("element", self.cast(number, kind)) for number in numbers]
+            for at, number in zip(places, numbers, strict=True):
+                if isinstance(place, View):
+                    written = self.dereferenced(place).at(offset(place.type, at)).place
+                else:
+                    written = self.element(place, at).code
+                self.emit("{} = {};", written, self.cast(number, kind).code)
+            if several:
+                self.taken -= {number.code.text for number in numbers}
 
-    def of_arrays(self, function: Any, arguments: Sequence[Value]) -> Value:
-        """A function of NumPy that knows arrays; a name of :data:`FUNCTIONS`."""
-        count, make = FUNCTIONS[function]
-        if len(arguments) != count:
-            raise Refused(f"np.{function.__name__} of {len(arguments)} arguments")
-        return make(self, *arguments)
-
-    def extreme(self, name: str, array: Value) -> Value:
-        """``np.max`` or ``np.min``."""
-        return self._through(lambda a, b: self.extreme_of_two(name, a, b), array, "0")
-
-    def extreme_of_two(self, name: str, a: Value, b: Value) -> Value:
-        """``np.maximum`` or ``np.minimum``, which pass on what is no number."""
-        return self.elementwise(
-            lambda x, y: Value(
-                REAL, f"{self.unit.helper(name)}({self.real(x).code}, {self.real(y).code})"
-            ),
-            a,
-            b,
-        )
-
-    def clipped(self, a: Value, low: Value, high: Value) -> Value:
-        """``np.clip``."""
-        return self.extreme_of_two("minimum", self.extreme_of_two("maximum", a, low), high)
-
-    def question(self, operator: ast.operator, array: Value, none: str) -> Value:
-        """``np.any`` or ``np.all`` of a vector of truth values."""
-        if _number(array) is not BOOLEAN:
-            raise Refused("np.any or np.all of what are no truth values")
-        return self._through(lambda x, y: self.arithmetic(operator, x, y), array, none)
-
-
-FUNCTIONS: dict[Any, tuple[int, Callable[..., Value]]] = {
-    np.array: (1, Arrays.array_of),
-    np.eye: (1, Arrays._eye),
-    np.dot: (2, Arrays._product),
-    np.cross: (2, Arrays._cross),
-    np.outer: (2, Arrays._outer),
-    np.where: (3, Arrays._where),
-    np.maximum: (2, lambda translator, a, b: translator.extreme_of_two("maximum", a, b)),
-    np.minimum: (2, lambda translator, a, b: translator.extreme_of_two("minimum", a, b)),
-    np.clip: (3, Arrays.clipped),
-    np.any: (1, lambda translator, a: translator.question(ast.BitOr(), a, "false")),
-    np.all: (1, lambda translator, a: translator.question(ast.BitAnd(), a, "true")),
-    np.sum: (1, lambda translator, a: translator._through(translator._plus, a, "0")),
-    np.max: (1, lambda translator, a: translator.extreme("maximum", a)),
-    np.min: (1, lambda translator, a: translator.extreme("minimum", a)),
-}
-"""Functions of NumPy for arrays: how many arguments they have, and what they become."""
-
-
-def as_array(value: Value) -> Array:
-    """The type of what must be an array."""
-    assert isinstance(value.type, Array)
-    return value.type
+    def _apart(self, place: AnArray, value: AnArray) -> AnArray:
+        """The array where writing another one does not change what is still to be read."""
+        target, overlap = place.target, may_overlap if isinstance(place, View) else may_meet
+        assert target is not None
+        reads = read_by(value)
+        shared = [(array, here) for array, here in reads if target.roots & array.roots]
+        if any((overlap if here else may_meet)(target, array) for array, here in shared):
+            if isinstance(value, View):
+                raise Refused("a part of an array becomes another part of it, and both may overlap")
+            return self.in_memory(value)
+        for array, here in reads:
+            if not here:
+                pairs = product(target.ways or target.roots, array.ways or array.roots)
+                self.function.apart |= set(pairs)
+        return value
 
 
-def read_by(value: Value) -> tuple[tuple[Value, bool], ...]:
+def is_empty(array: AnArray) -> bool:
+    """Whether an array certainly has no elements."""
+    return 0 in array.shape or (isinstance(array, View) and array.is_null)
+
+
+def _plain(value: Value) -> Number | AnArray:
+    """A number or an array."""
+    if not isinstance(value, Number | AnArray):
+        raise Refused("a calculation with what is neither a number nor an array")
+    return value
+
+
+def as_number(
+    value: Value, what: str = "something that is no number where one is needed"
+) -> Number:
+    """What must be a number."""
+    if not isinstance(value, Number):
+        raise Refused(what)
+    return value
+
+
+def number_type(value: Number | AnArray) -> Scalar:
+    """The type of a number, or of an element as a number."""
+    kind = value.type if isinstance(value, Number) else value.element
+    if not isinstance(kind, Scalar):
+        raise Refused("a calculation with an array of records")
+    return REAL if kind is SINGLE else kind
+
+
+def read_by(value: AnArray) -> tuple[tuple[View, bool], ...]:
     """Arrays in memory that an array reads, with whether only the element with the same indices is
     read.
     """
-    return value.reads if value.rule is not None else ((value, True),)
+    return ((value, True),) if isinstance(value, View) else value.reads
 
 
-def _elsewhere(*values: Value) -> tuple[tuple[Value, bool], ...]:
+def elsewhere(*values: AnArray) -> tuple[tuple[View, bool], ...]:
     """Arrays that are read at other indices, too."""
     return tuple((array, False) for value in values for array, _ in read_by(value))
 
 
-def _number(value: Value) -> Any:
-    """The type of a number, or of an element as a number."""
-    kind = value.type.element if isinstance(value.type, Array) else value.type
-    return REAL if kind is SINGLE else kind
-
-
-def offset(kind: Array, indices: Sequence[Value]) -> str:
-    """Where an element is, in elements from the first one."""
+def offset(kind: Array, indices: Sequence[Number]) -> Code | None:
+    """Where an element is, in elements from the first one; None where it is that."""
     fixed, terms = 0, []
     for index, step in zip(indices, kind.strides, strict=True):
         if isinstance(index.constant, int) and (isinstance(step, int) or index.constant == 0):
-            fixed += index.constant * int(step) if index.constant else 0
+            fixed += index.constant * step if isinstance(step, int) else 0
         else:
-            terms.append(wrap(index, SUM) if step == 1 else f"{step} * {wrap(index, PRODUCT + 1)}")
-    return " + ".join([*terms, *([str(fixed)] if fixed or not terms else [])])
+            terms.append(steps(index, step))
+    return sum_of(terms, fixed)
+
+
+def steps(index: Number, step: Size) -> Code:
+    """So many steps along an axis, in elements."""
+    if step == 1:
+        return index.code.within(BINDING["+"])
+    factor = step.within(BINDING["*"]) if isinstance(step, Code) else step
+    return c("{} * {}", factor, index.code.within(BINDING["*"] + 1), binding=BINDING["*"])
+
+
+def sum_of(terms: list[Code], fixed: int) -> Code | None:
+    """Terms and a number, one after the other; None where there is nothing."""
+    terms = [*terms, *([Code(str(fixed))] if fixed else [])]
+    return joined(terms, " + ", BINDING["+"]) if terms else None
+
+
+def shape_text(shape: Shape) -> str:
+    """A shape as Python writes it."""
+    return f"({', '.join(map(str, shape))}{',' * (len(shape) == 1)})"

@@ -157,7 +157,7 @@ class Version:
             dtype = element.dtype if isinstance(element, Struct) else DTYPES[str(element)]
             self._kept.append(dtype)
             written = isinstance(element, Struct) or name in self._told["written"]
-            follow = [isinstance(n, str) for n in shape]
+            follow = [not isinstance(n, int) for n in shape]
             self._slots += 1 + sum(follow)
             yield _pack(
                 ARRAY, len(shape), written, id(dtype), encode(shape, stated, self._symbols), follow

@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from harpy_pin.errors import KernelError
-from harpy_pin.kernels.blocks import CFunction
+from harpy_pin.kernels.code import Code
+from harpy_pin.kernels.functions import translate
 from harpy_pin.kernels.shapes import constant_shape
 from harpy_pin.kernels.source import source_of
 from harpy_pin.kernels.types import (
@@ -25,7 +26,7 @@ from harpy_pin.kernels.types import (
     Type,
     element_of,
 )
-from harpy_pin.kernels.unit import Unit, in_part
+from harpy_pin.kernels.unit import CFunction, Unit, in_part
 
 if TYPE_CHECKING:
     from harpy_pin.kernels.kernels import Kernel
@@ -85,7 +86,7 @@ def entry_code(
 ) -> str:
     """A whole file with the function that Python calls."""
     unit = Unit(single=single, debug=debug, lines=traced)
-    function = unit.function_for(kernel, types)
+    function = translate(unit, kernel, types)
     slots = iter(range(1000))
     arguments = [
         code for _, kind in function.parameters for code in _unpack(unit, kind, function, slots)
@@ -130,8 +131,8 @@ def _unpack(unit: Unit, kind: Type, function: CFunction, slots: Any) -> list[str
     codes = [f"a[{next(slots)}].pointer"]
     if isinstance(kind, Array):
         for size in kind.shape:
-            if isinstance(size, str):
+            if isinstance(size, Code):
                 slot = next(slots)
-                if size in function.sizes:
+                if size.text in function.sizes:
                     codes.append(f"{'(integer)' if unit.single else ''}a[{slot}].whole")
     return codes

@@ -1,376 +1,214 @@
-"""Expressions of a kernel as expressions in C: names, calls, fields of records, elements and views
-of arrays.
+"""Expressions of a kernel: names, operators, conditions, and the order in which they are
+evaluated.
 """
 
 from __future__ import annotations
 
 import ast
-import builtins
-from dataclasses import replace
-from math import prod
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
 
-from harpy_pin.kernels.operators import (
-    ATOM,
-    EQUALITY,
-    PRODUCT,
-    SUM,
-    UNARY,
-    Operators,
+from harpy_pin.kernels.code import Code
+from harpy_pin.kernels.numpy_functions import NumpyFunctions
+from harpy_pin.kernels.source import Source
+from harpy_pin.kernels.types import BOOLEAN, INTEGER, REAL, ByPrecision
+from harpy_pin.kernels.unit import CFunction, Unit
+from harpy_pin.kernels.values import (
+    AnArray,
+    Computed,
+    Done,
+    Items,
+    Named,
+    Number,
+    Record,
     Refused,
-    refused,
-    wider,
-    wrap,
-)
-from harpy_pin.kernels.types import (
-    BOOLEAN,
-    INTEGER,
-    REAL,
-    SINGLE,
-    Array,
-    ByPrecision,
-    Function,
-    Scalar,
-    Struct,
-    Tuple,
     Value,
+    View,
+    refused,
 )
 
 
-def _is_sum_from(end: ast.BinOp, begin: ast.expr | None) -> bool:
-    """Whether the end of a slice is its beginning and something more."""
-    return (
-        begin is not None
-        and isinstance(end.op, ast.Add)
-        and ast.unparse(end.left) == ast.unparse(begin)
-    )
+class Expressions(NumpyFunctions):
+    """Translates what an expression of Python evaluates to: ``_binop`` an ``ast.BinOp``, and so
+    on.
+    """
 
+    def __init__(self, unit: Unit, function: CFunction, source: Source, local: set[str]) -> None:
+        super().__init__(unit, function, set(map(unit.identifier, local)))
+        self.source, self.local = source, local
+        self.environment: dict[str, Value | None] = {}
+        self.effects = 0
+        """Calls so far that write memory."""
 
-MATHEMATICS = {
-    np.sqrt: "sqrt",
-    np.sin: "sin",
-    np.cos: "cos",
-    np.tanh: "tanh",
-    np.exp: "exp",
-    np.arctan2: "atan2",
-    np.arccos: "acos",
-    np.hypot: "hypot",
-    np.copysign: "copysign",
-    np.floor: "floor",
-    np.ceil: "ceil",
-}
-"""Functions of C's library under NumPy's names."""
-PREDICATES = {np.isfinite: "isfinite", np.isnan: "isnan"}
-OF_TWO = (np.arctan2, np.hypot, np.copysign)  # functions of two numbers
-LIBRARY = (*MATHEMATICS, *PREDICATES, min, max, abs, np.abs, int, np.int64, float)
-"""All functions that are no kernels."""
-
-
-def kernel_of(value: Any) -> Any:
-    """The Python function of a kernel, or None for anything else."""
-    return getattr(value, "py_func", None)
-
-
-def _part_of(path: str, begins: list[Any]) -> str:
-    """The way to a part of an array, with where the part begins if that is all there is to know."""
-    stem, slice_of_slice, _ = path.partition("+")
-    known = len(begins) == 1 and isinstance(begins[0], int) and not slice_of_slice
-    return f"{stem}+{begins[0]}" if known else f"{stem}+"
-
-
-class Expressions(Operators):
-    """Translates attributes, tuples, functions of Python and NumPy, and what refers to memory."""
-
-    def _field(self, owner: Value, name: str) -> Value:
-        assert isinstance(owner.type, Struct)
-        fields = owner.type.fields()
-        if name not in fields:
-            raise Refused(f"a record without '{name}'; it has {', '.join(fields)}")
-        kind = fields[name]
-        inside = owner.code[1:] + "." if owner.code.startswith("&") else wrap(owner, ATOM) + "->"
-        code = f"{inside}{self.unit.identifier(name)}"
-        part = frozenset(f"{path}.{name}" for path in owner.fields)
-        if isinstance(kind, Array):
-            return Value(kind, "NULL" if kind.empty else code, roots=owner.roots, fields=part)
-        if isinstance(kind, Struct):
-            return Value(kind, f"&{code}", UNARY, roots=owner.roots, fields=part)
-        return Value(kind, code, roots=owner.roots, volatile=True)
-
-    def size(self, size: int | str) -> Value:
-        """A size of an array as a number."""
-        return (
-            self.constant(size)
-            if isinstance(size, int)
-            else Value(INTEGER, size, PRODUCT if "*" in size else ATOM)
-        )
-
-    def _subscript(self, node: ast.Subscript) -> Value:
-        owner = self.expression(node.value)
-        if isinstance(owner.type, Tuple):
-            return self._item(owner, self.integer(node.slice))
-        if not isinstance(owner.type, Array):
-            raise refused(node.value, " is no array")
-        view = self.part(self.in_memory(owner), node.slice)
-        assert isinstance(view.type, Array)
-        if view.type.shape:
-            return view
-        if isinstance(view.type.element, Struct):
-            code = view.code[: -len("[0]")] if view.code.endswith("[0]") else f"&{view.code}"
-            binding = UNARY if code == f"&{view.code}" else ATOM
-            return Value(view.type.element, code, binding, roots=view.roots, fields=view.fields)
-        if view.type.element is SINGLE:
-            return Value(REAL, f"(real){view.code}", UNARY, roots=view.roots, volatile=True)
-        return Value(view.type.element, view.code, roots=view.roots, volatile=True)
-
-    def _item(self, owner: Value, index: Value) -> Value:
-        if isinstance(index.constant, int):
-            return owner.items[index.constant]
-        assert isinstance(owner.type, Tuple)
-        if owner.type.uniform is None or not owner.code:
-            raise Refused("an item of this tuple that is chosen at run time")
-        return Value(owner.type.uniform, f"{owner.code}[{index.code}]", volatile=True)
-
-    def part(self, owner: Value, index: ast.expr) -> Value:
-        """A part of an array: a view, or elements chosen by an array of indices."""
-        raise NotImplementedError
-
-    def view(self, owner: Value, parts: list[ast.expr]) -> Value:
-        """A part of an array; without axes left its code is the element, otherwise the address of
-        the first one.
-        """
-        assert isinstance(owner.type, Array)
-        shape, strides = list(owner.type.shape), list(owner.type.strides)
-        if len(parts) > len(shape):
-            raise Refused(f"{len(parts)} indices of an array of {len(shape)} axes")
-        fixed, terms, begins = 0, [], []
-        left_shape: list[int | str] = []
-        left_strides: list[int | str] = []
-        for axis, part in enumerate(parts):
-            if isinstance(part, ast.Slice):
-                start, size = self._slice(part, shape[axis])
-                left_shape.append(size)
-                left_strides.append(strides[axis])
-                begins += [start.constant] if part.lower or part.upper else []
-            else:
-                start = self._index(part, shape[axis])
-            step = strides[axis]
-            if isinstance(start.constant, int) and isinstance(step, int) and not self.unit.debug:
-                fixed += start.constant * step
-            elif step == 1:
-                terms.append(wrap(start, SUM))
-            elif start.constant != 0 or self.unit.debug:
-                terms.append(f"{step} * {wrap(start, PRODUCT + 1)}")
-        if fixed or not terms:
-            terms.append(str(fixed))
-        offset = " + ".join(terms)
-        kind = Array(
-            owner.type.element,
-            (*left_shape, *shape[len(parts) :]),
-            (*left_strides, *strides[len(parts) :]),
-        )
-        if not kind.shape:
-            owner = self.dereferenced(owner)
-            return Value(kind, f"{self.at(owner, offset)}", roots=owner.roots, fields=owner.fields)
-        if begins:
-            owner = replace(
-                owner, fields=frozenset(_part_of(path, begins) for path in owner.fields)
-            )
-        if offset == "0" or owner.code == "NULL":
-            return replace(owner, type=kind)
-        return Value(
-            kind, f"{wrap(owner, SUM)} + {offset}", SUM, roots=owner.roots, fields=owner.fields
-        )
-
-    def dereferenced(self, owner: Value) -> Value:
-        """An array whose elements are named, in a branch that a robot without them never comes
-        to.
-        """
-        if owner.code != "NULL":
-            return owner
-        return replace(owner, code=f"(({self.unit.declare(owner.type, '').strip()})NULL)")
-
-    def at(self, owner: Value, offset: str) -> str:
-        """An element of an array, whose address may already be a sum."""
-        base, _, begin = owner.code.partition(" + ")
-        if owner.binding == SUM and "(" not in base:
-            return f"{base}[{begin} + {offset}]" if offset != "0" else f"{base}[{begin}]"
-        return f"{wrap(owner, ATOM)}[{offset}]"
-
-    def _index(self, node: ast.expr, size: int | str) -> Value:
-        return self.inside(self.integer(node), size)
-
-    def inside(self, value: Value, size: int | str) -> Value:
-        """An index, which is checked if it is known or C is made to be debugged."""
-        if isinstance(value.constant, int):
-            if value.constant < 0 or (isinstance(size, int) and value.constant >= size):
-                raise Refused(f"index {value.constant} of an axis of {size}")
-        elif self.unit.debug:
-            return Value(INTEGER, f"{self.unit.helper('inside')}({value.code}, {size}, __LINE__)")
+    def expression(self, node: ast.expr) -> Value:
+        """Any expression."""
+        name = type(node).__name__
+        translate = getattr(self, f"_{name.lower()}", None)
+        if translate is None:
+            raise refused(node, f": kernels have no {name}")
+        value: Value = translate(node)
         return value
 
-    def _slice(self, node: ast.Slice, size: int | str) -> tuple[Value, int | str]:
-        """Where a slice begins, and its size."""
-        if node.step is not None:
-            raise Refused("a slice with a step")
-        begin = self.integer(node.lower) if node.lower is not None else self.constant(0)
-        end = self.integer(node.upper) if node.upper is not None else self.size(size)
-        length: int | str | None = self._difference(node, size)
-        if (
-            length is None
-            and isinstance(node.upper, ast.BinOp)
-            and _is_sum_from(node.upper, node.lower)
-        ):
-            length = self.integer(node.upper.right).code
-        if length is None:
-            length = end.code if begin.constant == 0 else f"({end.code} - {wrap(begin, SUM + 1)})"
-        for bound in (begin, end):
-            if (
-                isinstance(bound.constant, int)
-                and isinstance(size, int)
-                and not 0 <= bound.constant <= size
-            ):
-                raise Refused(f"a slice to {bound.constant} of an axis of {size}")
-        if self.unit.debug:
-            begin = Value(
-                INTEGER, f"{self.unit.helper('within')}({begin.code}, {end.code}, {size}, __LINE__)"
-            )
-        return begin, length
-
-    def _difference(self, node: ast.Slice, size: int | str) -> int | None:
-        """The size of a slice, where it is known although its ends may not be."""
-        begin = self._linear(node.lower) if node.lower is not None else {}
-        if node.upper is not None:
-            end = self._linear(node.upper)
-        elif isinstance(size, int):
-            end = {"": size}
-        else:
-            return None
-        rest = {term: end.get(term, 0) - begin.get(term, 0) for term in end.keys() | begin.keys()}
-        return rest.get("", 0) if not any(n for term, n in rest.items() if term) else None
-
-    def _linear(self, node: ast.expr) -> dict[str, int]:
-        """An integer expression as a sum of terms with constant factors; the term without a name is
-        1.
+    def ordered(self, nodes: Sequence[ast.expr]) -> list[Value]:
+        """Expressions that Python evaluates in order, and C in any: none may change what others
+        read.
         """
-        value = self.integer(node)
-        if isinstance(value.constant, int):
-            return {"": value.constant}
-        if isinstance(node, ast.BinOp) and isinstance(node.op, ast.Add | ast.Sub):
-            sign = 1 if isinstance(node.op, ast.Add) else -1
-            left, right = self._linear(node.left), self._linear(node.right)
-            return {
-                term: left.get(term, 0) + sign * right.get(term, 0)
-                for term in left.keys() | right.keys()
-            }
-        if isinstance(node, ast.BinOp) and isinstance(node.op, ast.Mult):
-            for factor, other in ((node.left, node.right), (node.right, node.left)):
-                known = self.integer(factor).constant
-                if isinstance(known, int):
-                    return {term: known * n for term, n in self._linear(other).items()}
-        return {ast.unparse(node): 1}
+        values: list[Value] = []
+        writes: list[bool] = []
+        for node in nodes:
+            before = self.effects
+            values.append(self.expression(node))
+            writes.append(self.effects > before)
+        for n, write in enumerate(writes):
+            others = [writes[m] or reads(value) for m, value in enumerate(values) if m != n]
+            if write and any(others):
+                raise Refused(
+                    "a call that changes what the rest of the expression reads: give its result a "
+                    "name first"
+                )
+        return values
 
-    def _reshape(self, owner: Value, arguments: list[ast.expr]) -> Value:
-        owner = self.in_memory(owner)
-        assert isinstance(owner.type, Array)
-        if not owner.type.is_packed:
-            raise Refused("reshape of a view with gaps")
-        parts = list(arguments[0].elts) if isinstance(arguments[0], ast.Tuple) else arguments
-        shape: list[int | str] = []
-        for part in parts:
-            size = self.integer(part)
-            shape.append(size.constant if isinstance(size.constant, int) else size.code)
-        known = [all(isinstance(n, int) for n in sizes) for sizes in (shape, owner.type.shape)]
-        if any(isinstance(n, int) and n < 0 for n in shape) or (
-            all(known) and prod(shape) != prod(owner.type.shape)
-        ):
-            raise Refused(f"reshape of {owner.type.shape} to {tuple(shape)}")
-        return replace(owner, type=Array.packed(owner.type.element, tuple(shape)))
+    def inline(self, translate: Callable[[ast.expr], Any], node: ast.expr) -> Any:
+        """Translate what may not run, or may run again: nothing of it may stand before the
+        statement.
+        """
+        before = self.emitted
+        value = translate(node)
+        if self.emitted > before:
+            raise refused(node, " where it may not run, or more than once: give it a name first")
+        return value
 
-    def transposed(self, a: Value) -> Value:
-        """``a.T``."""
-        raise NotImplementedError
+    def number(self, node: ast.expr) -> Number:
+        """An expression that must be a number."""
+        value = self.expression(node)
+        if not isinstance(value, Number):
+            raise refused(node, " is no number")
+        return value
 
-    def items_of(self, value: Value) -> tuple[Value, ...]:
-        """Items of a tuple, or elements of a vector."""
-        raise NotImplementedError
+    def integer(self, node: ast.expr) -> Number:
+        """An expression that must be an integer."""
+        value = self.number(node)
+        if value.type is REAL:
+            raise refused(node, " is no integer")
+        return self.cast(value, INTEGER)
+
+    def truth(self, node: ast.expr) -> Number:
+        """An expression as a condition."""
+        if isinstance(node, ast.BoolOp):
+            return self._boolop(node, self.truth)
+        value = self.number(node)
+        if value.type is not BOOLEAN and value.constant is not None:
+            return self.constant(bool(value.constant))
+        return self.cast(value, BOOLEAN)
+
+    def known(self, found: Any, name: str = "") -> Value:
+        """A value of Python that a kernel's source names: a number, a kernel, a module, a
+        function.
+        """
+        if isinstance(found, tuple):
+            return Items(tuple(map(self.known, found)))
+        if not isinstance(found, int | float | np.integer | np.bool_):
+            return Named(found)
+        if isinstance(found, ByPrecision) and self.unit.single:
+            found = found.single
+        value = self.constant(found)
+        if value.type is not BOOLEAN and name.isupper():
+            return Number(value.type, Code(self.unit.define(name, value.code.text)), value.constant)
+        return value
+
+    def _name(self, node: ast.Name) -> Value:
+        """What a name stands for: a variable, or what the kernel's module knows by it."""
+        if node.id in self.environment:
+            value = self.environment[node.id]
+            if value is None:
+                raise Refused(f"'{node.id}', which is not the same kind of thing on every way here")
+            return value
+        if node.id in self.local:
+            raise Refused(f"'{node.id}' before it has a value")
+        return self.known(self.source.lookup(node.id), node.id)
 
     def _constant(self, node: ast.Constant) -> Value:
         return self.constant(node.value)
 
-    def _tuple(self, node: ast.Tuple) -> Value:
+    def _tuple(self, node: ast.Tuple) -> Items:
         items: list[Value] = []
-        starred = [isinstance(element, ast.Starred) for element in node.elts]
         values = self.ordered([e.value if isinstance(e, ast.Starred) else e for e in node.elts])
-        for value, several in zip(values, starred, strict=True):
-            if several and not isinstance(value.type, Tuple | Array):
-                raise refused(node, ": * of something that is neither a tuple nor an array")
-            items.extend(self.items_of(value) if several else [value])
-        return Value(Tuple(tuple(item.type for item in items)), items=tuple(items))
+        for element, value in zip(node.elts, values, strict=True):
+            if not isinstance(element, ast.Starred):
+                items.append(value)
+            elif isinstance(value, Items | AnArray):
+                items.extend(self.items_of(value))
+            else:
+                raise refused(element, ": * of something that is neither a tuple nor an array")
+        return Items(tuple(items))
 
-    def _attribute(self, node: ast.Attribute) -> Value:
-        owner = self.expression(node.value)
-        if owner.type == Function(np):
-            if not hasattr(np, node.attr):
-                raise refused(node, ", which is not there")
-            return self.known(getattr(np, node.attr), node.attr)
-        if isinstance(owner.type, Struct):
-            return self._field(owner, node.attr)
-        if isinstance(owner.type, Array) and node.attr == "T":
-            return self.transposed(owner)
-        if isinstance(owner.type, Array) and node.attr in ("shape", "size"):
-            sizes = tuple(self.size(n) for n in owner.type.shape)
-            if node.attr == "shape":
-                return Value(Tuple((INTEGER,) * len(sizes)), items=sizes)
-            size = sizes[0]
-            for other in sizes[1:]:
-                size = self.arithmetic(ast.Mult(), size, other)
-            return size
-        raise refused(node)
+    def _unaryop(self, node: ast.UnaryOp) -> Value:
+        if isinstance(node.op, ast.Not):
+            return self.opposite(self.truth(node.operand))
+        if not isinstance(node.op, ast.USub):
+            raise refused(node)
+        return self.elementwise(self.negative, self.expression(node.operand))
 
-    def known(self, found: Any, name: str) -> Value:
-        """A value of Python that a kernel's source names: a number, a kernel, a module, a
-        function.
+    def _binop(self, node: ast.BinOp) -> Value:
+        left, right = self.ordered((node.left, node.right))
+        for side, value in ((node.left, left), (node.right, right)):
+            if not isinstance(value, Number | AnArray):
+                raise refused(side, " is no number")
+        return self.arithmetic(type(node.op), left, right)
+
+    def _boolop(
+        self, node: ast.BoolOp, translate: Callable[[ast.expr], Number] | None = None
+    ) -> Number:
+        """Several conditions, of which the later ones are asked only where the earlier ones leave
+        it open.
         """
-        if isinstance(found, int | float | tuple | np.integer | np.bool_):
-            if isinstance(found, ByPrecision) and self.unit.single:
-                found = found.single
-            value = self.constant(found)
-            if isinstance(value.type, Scalar) and value.type is not BOOLEAN and name.isupper():
-                return replace(value, code=self.unit.define(name, value.code), binding=ATOM)
-            return value
-        return Value(Function(found))
+        together = isinstance(node.op, ast.And)
+        translate = translate or self._truth_value
+        parts: list[Number] = []
+        for operand in node.values:
+            parts.append(self.inline(translate, operand) if parts else translate(operand))
+            if parts[-1].constant is (not together):
+                break  # what follows is never asked
+        return self.conditions("&&" if together else "||", parts)
 
-    def _library(self, function: Any, arguments: list[Value]) -> Value:
-        """A function of Python or NumPy."""
-        volatile = any(argument.volatile for argument in arguments)
-        codes = ", ".join(self.real(argument).code for argument in arguments)
-        if function in MATHEMATICS:
-            return Value(
-                REAL, f"{self.unit.function(MATHEMATICS[function])}({codes})", volatile=volatile
-            )
-        if function in PREDICATES:
-            return Value(BOOLEAN, f"{PREDICATES[function]}({codes}) != 0", EQUALITY, volatile=True)
-        if function in (builtins.min, builtins.max):
-            return self._extreme("min" if function is builtins.min else "max", arguments)
-        (first,) = arguments
-        if function in (builtins.abs, np.abs):
-            if first.type is REAL:
-                return Value(REAL, f"{self.unit.function('fabs')}({codes})", volatile=volatile)
-            return Value(
-                INTEGER, f"{self.unit.helper('integer_abs')}({first.code})", volatile=volatile
-            )
-        return self.real(first) if function is builtins.float else self.cast(first, INTEGER)
-
-    def _extreme(self, name: str, arguments: list[Value]) -> Value:
-        kind = wider(*(argument.type for argument in arguments))
-        kind = INTEGER if kind is BOOLEAN else kind
-        value = self.cast(arguments[0], kind)
-        volatile = any(argument.volatile for argument in arguments)
-        for other in arguments[1:]:
-            call = (
-                f"{self.unit.helper(f'{kind}_{name}')}({value.code}, {self.cast(other, kind).code})"
-            )
-            value = Value(kind, call, volatile=volatile)
+    def _truth_value(self, node: ast.expr) -> Number:
+        """An operand of "and" where the result is a value: Python would give the operand itself."""
+        value = self.expression(node)
+        if not isinstance(value, Number) or value.type is not BOOLEAN:
+            raise refused(node, " in a value of 'and' or 'or' is no truth value")
         return value
+
+    def _compare(self, node: ast.Compare) -> Value:
+        """A comparison, or a chain of them, in which a call is made once."""
+        left, right = self.ordered((node.left, node.comparators[0]))
+        if len(node.ops) == 1:
+            return self.relation(type(node.ops[0]), left, right)
+        later = [self.inline(self.expression, other) for other in node.comparators[1:]]
+        parts: list[Number] = []
+        for operator, other in zip(node.ops, (right, *later), strict=True):
+            if not isinstance(left, Number) or not isinstance(other, Number):
+                raise refused(node, ": a chain of comparisons of arrays")
+            other = self.once(other)
+            parts.append(self.comparison(type(operator), left, other))
+            left = other
+        return self.conditions("&&", parts)
+
+    def _ifexp(self, node: ast.IfExp) -> Value:
+        condition = self.truth(node.test)
+        if condition.constant is not None:
+            return self.expression(node.body if condition.constant else node.orelse)
+        a, b = self.inline(self.expression, node.body), self.inline(self.expression, node.orelse)
+        return self.choice(self.once(condition) if isinstance(a, Items) else condition, a, b)
+
+
+def reads(value: Value) -> bool:
+    """Whether another kernel may change what the value is."""
+    if isinstance(value, Items):
+        return any(map(reads, value.items))
+    if isinstance(value, Number | Done):
+        return value.code.loads or bool(value.code.calls)
+    if isinstance(value, View | Record):
+        return value.address.loads
+    return isinstance(value, Computed)

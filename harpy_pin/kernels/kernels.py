@@ -30,17 +30,9 @@ from harpy_pin.kernels.source import fingerprint, remember
 from harpy_pin.kernels.types import Array, Struct, Type
 
 TRANSLATOR = (
-    *(
-        "types",
-        "operators",
-        "expressions",
-        "arrays",
-        "overlaps",
-        "blocks",
-        "assignments",
-        "statements",
-    ),
-    *("source", "unit", "entry_points"),
+    *("code", "types", "values", "unit", "body", "numbers", "arrays", "numpy_functions"),
+    *("source", "expressions", "overlaps", "parts", "assignments", "statements", "functions"),
+    "entry_points",
 )
 """Modules that decide the C of a kernel."""
 _LOCK = RLock()

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from harpy_pin.errors import InputError, shown
+from harpy_pin.kernels.types import UNKNOWN, Size
 
 Shape = tuple[int | str, ...] | str
 ANY = -1  # a size that may be any, for bridge.c
@@ -19,25 +20,21 @@ _LEAST, _SYMBOL, _FACTORS = 1_000, 1_000_000, 1_000
 _FLOAT = np.dtype(np.float64)
 
 
-def constant_shape(
-    stated: Shape | None, dtypes: Mapping[str, Any], axes: int
-) -> tuple[int | str, ...]:
-    """What is known of an array's shape when a kernel is compiled; an empty string where nothing
-    is.
+def constant_shape(stated: Shape | None, dtypes: Mapping[str, Any], axes: int) -> tuple[Size, ...]:
+    """What is known of an array's shape when a kernel is compiled; nothing of a size that is
+    not.
 
     It follows from what the kernel states and from the types of the arguments that are arrays, by
     name.
     """
     if stated is None:
-        return ("",) * axes
+        return (UNKNOWN,) * axes
     if isinstance(stated, str):
         return _field_shape(stated, dtypes)
-    return tuple(entry if isinstance(entry, int) else "" for entry in stated)
+    return tuple(entry if isinstance(entry, int) else UNKNOWN for entry in stated)
 
 
-def encode(
-    shape: tuple[int | str, ...], stated: Shape | None, symbols: dict[str, int]
-) -> list[int]:
+def encode(shape: tuple[Size, ...], stated: Shape | None, symbols: dict[str, int]) -> list[int]:
     """Sizes as bridge.c checks them: a size, any, a least size, or a multiple of a size that has a
     name.
     """

@@ -18,7 +18,11 @@ from typing import Any
 import numpy as np
 
 from harpy_pin.errors import KernelError
-from harpy_pin.kernels.expressions import kernel_of
+
+
+def kernel_of(value: Any) -> Any:
+    """The Python function of a kernel, or None for anything else."""
+    return getattr(value, "py_func", None)
 
 
 class Source:

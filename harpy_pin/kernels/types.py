@@ -7,7 +7,7 @@ are constants of the type.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cache
 from typing import Any
@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from harpy_pin.errors import KernelError
+from harpy_pin.kernels.code import Code, infix, variable
 
 
 @dataclass(frozen=True)
@@ -28,7 +29,9 @@ class Scalar:
         return self.name
 
 
-BOOLEAN, INTEGER, REAL = Scalar("bool", 0), Scalar("integer", 1), Scalar("real", 2)
+BOOLEAN = Scalar("bool", 0)
+INTEGER = Scalar("integer", 1)
+REAL = Scalar("real", 2)
 SINGLE = Scalar("float", 2)
 """The elements of an array of float32; a kernel computes with the real numbers that they are."""
 KINDS = {"?": BOOLEAN, "l": INTEGER, "q": INTEGER, "d": REAL, "f": SINGLE}
@@ -40,22 +43,18 @@ class ByPrecision(float):
     precision.
     """
 
+    single: float
+
     def __new__(cls, double: float, *, single: float) -> ByPrecision:
         """The number itself is that in double precision."""
         made = super().__new__(cls, double)
         made.single = single
         return made
 
-    single: float
-
-
-AXES = ("rows", "columns", "layers", "blocks")
-"""What sizes are called that are known at run time only."""
-
 
 @dataclass(frozen=True)
 class Nothing:
-    """The type of None."""
+    """What a kernel without a result gives."""
 
 
 NOTHING = Nothing()
@@ -65,12 +64,10 @@ NOTHING = Nothing()
 class Struct:
     """A record."""
 
-    dtype: np.dtype[Any] = field(
-        compare=True
-    )  # NumPy's, aligned, so that its layout is that of a C struct
-    name: str = field(
-        compare=False, default="record"
-    )  # of the argument or field that it was first met as
+    # NumPy's, aligned, so that its layout is that of a C struct
+    dtype: np.dtype[Any]
+    # of the argument or field that it was first met as
+    name: str = field(compare=False, default="record")
 
     def __repr__(self) -> str:
         return f"{self.name}{_text(self.dtype)}"
@@ -80,24 +77,36 @@ class Struct:
         return _fields(self.dtype)
 
 
+Size = int | Code
+"""A size; C where it is known at run time only."""
+UNKNOWN = Code("")
+"""A size of an argument that is known at run time only."""
+UNKNOWN_STEP = Code("?")
+"""The same of a distance between neighbours, where there are gaps."""
+AXES = ("rows", "columns", "layers", "blocks")
+"""What sizes are called that are known at run time only."""
+
+
+def known(sizes: tuple[Size, ...]) -> tuple[int, ...] | None:
+    """Sizes that are all known when compiling."""
+    found = tuple(size for size in sizes if isinstance(size, int))
+    return found if len(found) == len(sizes) else None
+
+
 @dataclass(frozen=True)
 class Array:
     """An array, or a view of one."""
 
     element: Scalar | Struct  # of what
-    shape: tuple[int | str, ...]  # sizes; a string is an expression in C, known at run time only
-    strides: tuple[
-        int | str, ...
-    ]  # distance of neighbours along each axis, in elements; a string like that of a shape
+    shape: tuple[Size, ...]
+    strides: tuple[Size, ...]  # distance of neighbours along each axis, in elements
 
     @classmethod
-    def packed(cls, element: Scalar | Struct, shape: tuple[int | str, ...]) -> Array:
+    def packed(cls, element: Scalar | Struct, shape: tuple[Size, ...]) -> Array:
         """An array without gaps."""
-        strides: list[int | str] = []
-        step: int | str = 1
-        for size in reversed(shape):
-            strides.insert(0, step)
-            step = times(size, step)
+        strides: list[Size] = [1] if shape else []
+        for size in reversed(shape[1:]):
+            strides.insert(0, _times(size, strides[0]))
         return cls(element, tuple(shape), tuple(strides))
 
     @property
@@ -110,42 +119,39 @@ class Array:
         """Whether it certainly has no elements."""
         return 0 in self.shape
 
+    def mapped(self, size: Callable[[int, Code], Size], step: Callable[[int, Code], Size]) -> Array:
+        """The type with others in the place of sizes and steps that are known at run time only, by
+        axis.
+        """
+        shape = tuple(
+            n if isinstance(n, int) else size(axis, n) for axis, n in enumerate(self.shape)
+        )
+        if self.is_packed:
+            return Array.packed(self.element, shape)
+        strides = enumerate(self.strides)
+        return Array(
+            self.element, shape, tuple(n if isinstance(n, int) else step(a, n) for a, n in strides)
+        )
+
     @property
     def signature(self) -> Array:
         """The type with what is known at run time left open: one C function serves all of these."""
-        shape = tuple(n if isinstance(n, int) else "" for n in self.shape)
-        if self.is_packed:
-            return Array.packed(self.element, shape)
-        return Array(
-            self.element, shape, tuple(n if isinstance(n, int) else "?" for n in self.strides)
-        )
+        return self.mapped(lambda axis, _: UNKNOWN, lambda axis, _: UNKNOWN_STEP)
 
     def named(self, own: str) -> Array:
         """The type with names for what is known at run time, as parameters of a function."""
         if len(self.shape) > len(AXES):
             raise KernelError(f"'{own}' has {len(self.shape)} axes, more than kernels pass on")
-        axes = ("size",) if len(self.shape) == 1 else AXES[: len(self.shape)]
-        shape = tuple(
-            n if isinstance(n, int) else f"{own}_{axis}"
-            for n, axis in zip(self.shape, axes, strict=True)
-        )
-        if self.is_packed:
-            return Array.packed(self.element, shape)
-        strides = zip(self.strides, axes, strict=True)
-        return Array(
-            self.element,
-            shape,
-            tuple(n if isinstance(n, int) else f"{own}_{axis}_step" for n, axis in strides),
+        names = [f"{own}_{axis}" for axis in (("size",) if len(self.shape) == 1 else AXES)]
+        return self.mapped(
+            lambda axis, _: variable(names[axis]), lambda axis, _: variable(f"{names[axis]}_step")
         )
 
     @property
-    def sizes(self) -> list[str]:
-        """Names of its sizes that are known at run time only."""
-        return list(
-            dict.fromkeys(
-                n for n in (*self.shape, *self.strides) if isinstance(n, str) and n.isidentifier()
-            )
-        )
+    def sizes(self) -> list[Code]:
+        """Its sizes and steps that are variables, each once."""
+        sizes = (*self.shape, *self.strides)
+        return list(dict.fromkeys(n for n in sizes if isinstance(n, Code) and n.is_name))
 
 
 @dataclass(frozen=True)
@@ -153,23 +159,6 @@ class Tuple:
     """Several values at once."""
 
     items: tuple[Type, ...]
-
-    @property
-    def uniform(self) -> Scalar | None:
-        """The type of all its items where they are numbers of one type."""
-        first = self.items[0] if self.items else None
-        return (
-            first
-            if isinstance(first, Scalar) and all(item == first for item in self.items)
-            else None
-        )
-
-
-@dataclass(frozen=True)
-class Function:
-    """A kernel, or a function of NumPy or Python, by name."""
-
-    target: Any
 
 
 @dataclass(frozen=True)
@@ -179,43 +168,18 @@ class Fixed:
     value: bool
 
 
-Type = Scalar | Array | Struct | Tuple | Function | Nothing | Fixed
+Type = Scalar | Array | Struct | Tuple | Nothing | Fixed
 
 
-@dataclass(frozen=True)
-class Value:
-    """An expression of a kernel."""
-
-    type: Type  # what it is
-    code: str = (
-        ""  # in C. Of an array the address of its first element; of a record the address of it.
-    )
-    # how tightly the outermost operator of the code binds, see :mod:`harpy_pin.kernels.operators`
-    binding: int = 100
-    constant: int | float | bool | None = None  # the number, where it is known when compiling
-    items: tuple[Value, ...] = ()  # of a tuple
-    roots: frozenset[str] = frozenset()  # names of the arguments whose memory it is
-    # the same with the ways through records, p.tree.axes; a + where it may be a part of that only,
-    # such as some rows,
-    # and the first index of the part if it is known; nothing where no way is known
-    fields: frozenset[str] = frozenset()
-    volatile: bool = (
-        False  # whether the code reads memory, so that its value depends on when it is evaluated
-    )
-    # of an array that is computed (:mod:`harpy_pin.kernels.arrays`): the element with some indices
-    rule: Callable[[Sequence[Value]], Value] | None = None
-    # and the arrays in memory that it reads, with whether only the element with the same indices is
-    # read
-    reads: tuple[tuple[Value, bool], ...] = ()
-
-
-def times(a: int | str, b: int | str) -> int | str:
+def _times(a: Size, b: Size) -> Size:
     """Product of two sizes."""
     if isinstance(a, int) and isinstance(b, int):
         return a * b
     if a == 1 or b == 1:
         return b if a == 1 else a
-    return f"{a} * {b}"
+    return infix(
+        a if isinstance(a, Code) else Code(str(a)), "*", b if isinstance(b, Code) else Code(str(b))
+    )
 
 
 @cache
@@ -225,15 +189,11 @@ def _text(dtype: np.dtype[Any]) -> str:
 
 @cache
 def _fields(dtype: np.dtype[Any]) -> dict[str, Type]:
-    entries: dict[str, Type] = {}
+    fields: dict[str, Type] = {}
     for name in dtype.names or ():
-        base, shape = dtype[name].base, dtype[name].shape
-        element = element_of(base, name)
-        if shape:
-            entries[name] = Array.packed(element, shape)
-        else:
-            entries[name] = element
-    return entries
+        element, shape = element_of(dtype[name].base, name), dtype[name].shape
+        fields[name] = Array.packed(element, shape) if shape else element
+    return fields
 
 
 def element_of(dtype: np.dtype[Any], name: str) -> Scalar | Struct:

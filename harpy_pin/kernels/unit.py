@@ -15,11 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from harpy_pin.errors import KernelError
-from harpy_pin.kernels.blocks import CFunction
-from harpy_pin.kernels.source import source_of
-from harpy_pin.kernels.statements import translate
-from harpy_pin.kernels.types import Array, Nothing, Struct, Tuple, Type
+from harpy_pin.kernels.types import NOTHING, Array, Nothing, Struct, Tuple, Type
 
 KEYWORDS = """auto break case char const continue default do double else enum extern float for
 goto if inline int long register restrict return short signed sizeof static struct switch typedef
@@ -59,6 +55,25 @@ def in_part(number: int | str) -> str:
 
 
 @dataclass
+class CFunction:
+    """A kernel in C, for one set of types."""
+
+    name: str  # in C
+    # names and types, with sizes that are known at run time named
+    parameters: list[tuple[str, Type]] = field(default_factory=list)
+    # the names of those sizes that the body uses; they are parameters, too
+    sizes: set[str] = field(default_factory=set)
+    result: Type = NOTHING  # what it returns
+    written: set[str] = field(default_factory=set)  # parameters whose memory it writes
+    calls: frozenset[str] = frozenset()  # names of the kernels that it calls
+    # ways from parameters to memory that is written, and to what is read afterwards: no two may be
+    # the same
+    apart: set[tuple[str, str]] = field(default_factory=set)
+    head: str = ""  # of its declaration
+    text: str = ""  # all of it
+
+
+@dataclass
 class Unit:
     """C being written."""
 
@@ -75,20 +90,7 @@ class Unit:
     results: dict[Tuple, str] = field(default_factory=dict)
     functions: dict[tuple[Any, tuple[Type, ...]], CFunction] = field(default_factory=dict)
     taken: set[str] = field(default_factory=set)  # names that functions have, or must not have
-    _under_way: list[Any] = field(default_factory=list)
-
-    def function_for(self, kernel: Any, types: tuple[Type, ...]) -> CFunction:
-        """A kernel for arguments of these types, translated once."""
-        key = (kernel.py_func, types)
-        if key not in self.functions:
-            source = source_of(kernel.py_func)
-            if kernel.py_func in self._under_way:
-                raise KernelError(f"{source.name} calls itself, which no kernel may")
-            self._under_way.append(kernel.py_func)
-            function = translate(self, source, self._unique(self._stem(kernel.py_func)), types)
-            self._under_way.pop()
-            self.functions[key] = function
-        return self.functions[key]
+    under_way: list[Any] = field(default_factory=list)  # kernels that are being translated
 
     def literal(self, number: float) -> str:
         """A real number."""
@@ -128,10 +130,6 @@ class Unit:
         two.
         """
         return f"{name}_" if name in RESERVED or name.isupper() or name.endswith("_") else name
-
-    def is_pure(self, code: str) -> bool:
-        """Whether a piece of code has no effects: it calls no kernel."""
-        return not any(f"{function.name}(" in code for function in self.functions.values())
 
     def result_type(self, kind: Type) -> str:
         """The type of what a function returns."""
@@ -231,7 +229,7 @@ class Unit:
                 head = function.head.replace("static", HIDDEN, 1)
                 text = text.replace(function.head, head, 1)
                 heads.append(f"{head};")
-            for name in called.keys() & set(re.findall(r"\w+", text)):
+            for name in function.calls:
                 called[name] |= places
             texts.append(text if len(places) > 1 else f"{in_part(*places)}\n{text}\n#endif")
         return [f"#define PARTS {count}\n" + "\n".join(heads), *reversed(texts)]
@@ -269,17 +267,13 @@ class Unit:
             )
         return "\n".join([*lines, "};"])
 
-    @staticmethod
-    def _stem(function: Any) -> str:
-        module = function.__module__.rpartition(".")[2]
-        name = function.__name__.strip("_")
-        return name if not function.__name__.startswith("_") else f"{module}_{name}"
-
-    def _unique(self, stem: str) -> str:
+    def function_name(self, function: Any) -> str:
+        """A name for a kernel that nothing has."""
+        module, name = function.__module__.rpartition(".")[2], function.__name__.strip("_")
+        stem = f"{module}_{name}" if function.__name__.startswith("_") else name
         stem = f"kernel_{stem}" if stem.startswith("results_") else stem  # those are types
-        name, n = stem, 1
-        while name in self.taken or name in RESERVED | ELSEWHERE | HELPERS.keys():
-            n += 1
-            name = f"{stem}_{n}"
-        self.taken.add(name)
-        return name
+        own, n = stem, 1
+        while own in self.taken or own in RESERVED | ELSEWHERE | HELPERS.keys():
+            own, n = f"{stem}_{n + 1}", n + 1
+        self.taken.add(own)
+        return own

@@ -16,6 +16,7 @@ from scenes import SCENES, library_kernels
 
 from harpy_pin.kernels import compiler
 from harpy_pin.kernels.entry_points import entry_code
+from harpy_pin.kernels.functions import translate
 from harpy_pin.kernels.unit import Unit
 from harpy_pin.model.catalogue import installed_data
 
@@ -56,7 +57,7 @@ def together(called, *, single: bool) -> Unit:
     """All of them in one file, where each function stands once."""
     unit = Unit(single=single)
     for kernel, types in called:
-        unit.function_for(kernel, types)
+        translate(unit, kernel, types)
     return unit
 
 

@@ -25,7 +25,7 @@ import numpy as np
 from hypothesis import strategies as st
 
 from harpy_pin.kernels import Kernel
-from harpy_pin.kernels.expressions import MATHEMATICS, OF_TWO
+from harpy_pin.kernels.numbers import MATHEMATICS, OF_TWO
 from harpy_pin.kernels.source import _globals
 
 REALS = st.floats(-1e6, 1e6) | st.sampled_from(

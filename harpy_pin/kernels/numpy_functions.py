@@ -1,0 +1,246 @@
+"""NumPy's functions and operators on arrays as C: products, sums, and arrays of several numbers.
+
+Sums go from the first term to the last; NumPy does not say in which order it goes.
+"""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from harpy_pin.kernels.arrays import Arrays, as_number, elsewhere, number_type
+from harpy_pin.kernels.numbers import COMPARISONS
+from harpy_pin.kernels.types import BOOLEAN, INTEGER, REAL, Array, Size, known
+from harpy_pin.kernels.values import AnArray, Computed, Items, Number, Refused, Value, View
+
+LONG = 6
+"""Terms of a sum that are written out, without a loop."""
+
+Join = Callable[[Number, Number], Number]
+
+
+class NumpyFunctions(Arrays):
+    """Translates operators and functions of which one result needs several elements."""
+
+    def arithmetic(self, operator: type[ast.operator], a: Value, b: Value) -> Number | Computed:
+        """An operation on numbers or arrays."""
+        if operator is ast.MatMult:
+            return self.product(a, b)
+        return self.elementwise(partial(self.calculation, operator), a, b)
+
+    def relation(self, operator: type[ast.cmpop], a: Value, b: Value) -> Number | Computed:
+        """A comparison of numbers, arrays, or tuples of numbers."""
+        if operator is ast.In and isinstance(a, Number) and isinstance(b, Items):
+            number = self.once(a)
+            found = [self.comparison(ast.Eq, number, as_number(item)) for item in b.items]
+            return self.conditions("||", found)
+        tuples = isinstance(a, Items) and isinstance(b, Items)
+        if operator not in ((ast.Eq, ast.NotEq) if tuples else COMPARISONS):
+            raise Refused(f"the comparison {operator.__name__}")
+        if not isinstance(a, Items) or not isinstance(b, Items):
+            return self.elementwise(partial(self.comparison, operator), a, b)
+        same = self.constant(len(a.items) == len(b.items))
+        if same.constant:
+            pairs = zip(a.items, b.items, strict=True)
+            parts = [self.comparison(ast.Eq, as_number(x), as_number(y)) for x, y in pairs]
+            same = self.conditions("&&", parts)
+        return same if operator is ast.Eq else self.opposite(same)
+
+    def product(self, a: Value, b: Value) -> Number | Computed:
+        """``a @ b`` of vectors and matrices."""
+        left, right = self._factor(a), self._factor(b)
+        (inner,) = self.common_shape(left.shape[-1:], right.shape[:1])
+        rows = len(left.shape) - 1
+
+        def rule(indices: Sequence[Number]) -> Number:
+            def term(k: Number) -> Number:
+                row, column = [*indices[:rows], k], [k, *indices[rows:]]
+                return self._times(self.element(left, row), self.element(right, column))
+
+            return self._through(inner, term, self._plus, "0")
+
+        if len(left.shape) + len(right.shape) == 2:
+            return rule(())
+        shape = (*left.shape[:-1], *right.shape[1:])
+        return Computed(REAL, shape, rule, elsewhere(left, right))
+
+    def _factor(self, value: Value, axes: Sequence[int] = (1, 2)) -> View:
+        """A vector or a matrix in memory."""
+        if not isinstance(value, AnArray) or len(value.shape) not in axes:
+            raise Refused("a product of other things than vectors and matrices")
+        return self.in_memory(value)
+
+    def _times(self, a: Number, b: Number) -> Number:
+        return self.calculation(ast.Mult, self.real(a), self.real(b))
+
+    def _plus(self, a: Number, b: Number) -> Number:
+        return self.calculation(ast.Add, a, b)
+
+    def _through(
+        self, size: Size, term: Callable[[Number], Number], join: Join, none: str
+    ) -> Number:
+        """Terms joined to one number, from the first to the last: written out, or by a loop before
+        the statement.
+        """
+        if isinstance(size, int) and 0 < size <= LONG:
+            value = term(self.constant(0))
+            for k in range(1, size):
+                value = join(value, term(self.constant(k)))
+            return value
+        index, before = self.fresh("k_"), self.emitted
+        first, other = term(self.constant(0)), term(Number(INTEGER, index))
+        if self.emitted > before:
+            raise Refused("a sum of sums: give the inner one a name first")
+        total = Number(first.type, self.fresh("total"))
+        if isinstance(size, int) and size:
+            self.emit("{} {} = {};", str(total.type), total.code, first.code)
+        else:
+            begin = (str(total.type), total.code, size, first.code, none)
+            self.emit("{} {} = {} > 0 ? {} : {};", *begin)
+        joined = join(total, other).code
+        loop = "for (integer {} = 1; {} < {}; {}++) {} = {};"
+        self.emit(loop, index, index, size, index, total.code, joined)
+        return total
+
+    def _of_vector(self, array: Value, join: Join, none: str) -> Number:
+        """All elements of a vector joined to one number."""
+        if not isinstance(array, AnArray) or len(array.shape) != 1:
+            raise Refused("what goes through a vector, of something else")
+        return self._through(array.shape[0], lambda k: self.element(array, [k]), join, none)
+
+    def cross(self, a: Value, b: Value) -> Computed:
+        """``np.cross`` of vectors; one of them, or both, may be rows of a matrix."""
+        left, right = self._factor(a), self._factor(b)
+        if left.shape[-1] != 3 or right.shape[-1] != 3:
+            raise Refused(
+                "a cross product of other arrays than of three numbers, or of rows of three"
+            )
+        same = len(left.shape) == len(right.shape)
+        shapes = left.shape, right.shape
+        shape = self.common_shape(*shapes) if same else max(shapes, key=len)
+
+        def rule(indices: Sequence[Number]) -> Number:
+            after, last = (self._turned(indices[-1], n) for n in (1, 2))
+            first = self._times(of(left, indices, after), of(right, indices, last))
+            second = self._times(of(left, indices, last), of(right, indices, after))
+            return self.calculation(ast.Sub, first, second)
+
+        def of(array: View, indices: Sequence[Number], n: Number) -> Number:
+            return self.element(array, [*indices[: len(array.shape) - 1], n])
+
+        return Computed(REAL, shape, rule, elsewhere(left, right))
+
+    def _turned(self, index: Number, n: int) -> Number:
+        """An index of three, n places on."""
+        return self.calculation(ast.Mod, self._plus(index, self.constant(n)), self.constant(3))
+
+    def outer(self, a: Value, b: Value) -> Computed:
+        """``np.outer``."""
+        left, right = self._factor(a, (1,)), self._factor(b, (1,))
+
+        def rule(indices: Sequence[Number]) -> Number:
+            return self._times(self.element(left, indices[:1]), self.element(right, indices[1:]))
+
+        return Computed(REAL, (*left.shape, *right.shape), rule, elsewhere(left, right))
+
+    def transposed(self, a: AnArray) -> AnArray:
+        """``a.T``: of what is in memory a view."""
+        if isinstance(a, View) and not a.made:
+            kind = Array(a.element, a.shape[::-1], a.type.strides[::-1])
+            return replace(a, type=kind)
+        return Computed(
+            number_type(a), a.shape[::-1], lambda at: self.element(a, at[::-1]), elsewhere(a)
+        )
+
+    def array_of(self, items: Value) -> View:
+        """Numbers, or vectors of one length, as an array."""
+        rows = [self.items_of(item) for item in self.items_of(items)]
+        if len({len(row) for row in rows}) != 1:
+            raise Refused("rows of different lengths")
+        made = self.space("array", (len(rows), len(rows[0])) if rows[0] else (len(rows),))
+        numbers = [number for row in rows for number in row] or self.items_of(items)
+        for n, number in enumerate(numbers):
+            self.emit("{}[{}] = {};", made.base, n, self.real(as_number(number)).code)
+        return made
+
+    def items_of(self, value: Value) -> tuple[Value, ...]:
+        """Items of a tuple, or elements of a vector of a known length; of a number none."""
+        if not isinstance(value, AnArray):
+            return value.items if isinstance(value, Items) else ()
+        if len(value.shape) != 1 or not isinstance(value.shape[0], int):
+            raise Refused("the elements of what is no vector of a known length")
+        return tuple(self.element(value, [self.constant(n)]) for n in range(value.shape[0]))
+
+    def eye(self, size: Value) -> Computed:
+        """``np.eye``."""
+        (n,) = sizes_of(size)
+        return Computed(REAL, (n, n), lambda at: self.real(self.comparison(ast.Eq, *at)))
+
+    def work_space(self, shape: Value, *, zero: bool) -> Computed:
+        """``np.zeros`` and ``np.empty``."""
+        sizes = known(sizes_of(shape))
+        if sizes is None:
+            raise Refused("work space of a size that is not known when compiling")
+        every = self.constant(0.0)
+        return (
+            Computed(REAL, sizes, lambda _: every, every=every) if zero else Computed(REAL, sizes)
+        )
+
+    def extreme(self, name: str, a: Value, b: Value) -> Number | Computed:
+        """``np.maximum`` or ``np.minimum``, which pass on what is no number."""
+        return self.elementwise(partial(self._extreme_of_numbers, name), a, b)
+
+    def _extreme_of_numbers(self, name: str, a: Number, b: Number) -> Number:
+        return self.helped(REAL, name, self.real(a), self.real(b))
+
+    def clip(self, a: Value, low: Value, high: Value) -> Number | Computed:
+        """``np.clip``."""
+        return self.extreme("minimum", self.extreme("maximum", a, low), high)
+
+    def most(self, name: str, array: Value) -> Number:
+        """``np.max`` or ``np.min``."""
+        return self._of_vector(array, partial(self._extreme_of_numbers, name), "0")
+
+    def sum(self, array: Value) -> Number:
+        """``np.sum``."""
+        return self._of_vector(array, self._plus, "0")
+
+    def question(self, operator: type[ast.operator], array: Value, none: str) -> Number:
+        """``np.any`` or ``np.all`` of a vector of truth values."""
+        if not isinstance(array, AnArray) or number_type(array) is not BOOLEAN:
+            raise Refused("np.any or np.all of what are no truth values")
+        return self._of_vector(array, partial(self.calculation, operator), none)
+
+
+FUNCTIONS: dict[Any, tuple[int, Callable[..., Value]]] = {
+    np.array: (1, NumpyFunctions.array_of),
+    np.zeros: (1, partial(NumpyFunctions.work_space, zero=True)),
+    np.empty: (1, partial(NumpyFunctions.work_space, zero=False)),
+    np.eye: (1, NumpyFunctions.eye),
+    np.dot: (2, NumpyFunctions.product),
+    np.cross: (2, NumpyFunctions.cross),
+    np.outer: (2, NumpyFunctions.outer),
+    np.where: (3, NumpyFunctions.where),
+    np.maximum: (2, lambda body, a, b: body.extreme("maximum", a, b)),
+    np.minimum: (2, lambda body, a, b: body.extreme("minimum", a, b)),
+    np.clip: (3, NumpyFunctions.clip),
+    np.any: (1, lambda body, a: body.question(ast.BitOr, a, "false")),
+    np.all: (1, lambda body, a: body.question(ast.BitAnd, a, "true")),
+    np.sum: (1, NumpyFunctions.sum),
+    np.max: (1, lambda body, a: body.most("maximum", a)),
+    np.min: (1, lambda body, a: body.most("minimum", a)),
+}
+"""Functions of NumPy for arrays: how many arguments they have, and what they become."""
+
+
+def sizes_of(value: Value) -> tuple[Size, ...]:
+    """A shape that is given by its sizes."""
+    numbers = [as_number(item) for item in (value.items if isinstance(value, Items) else [value])]
+    return tuple(
+        number.constant if isinstance(number.constant, int) else number.code for number in numbers
+    )
