@@ -53,7 +53,7 @@ def compile_ahead(
     harpy compile --clear
     """
     logging.getLogger("harpy_pin.compiling").setLevel(logging.ERROR)  # this command says it better
-    from harpy_pin.kernels import compiler
+    from harpy_pin.kernels import compiler, library_files
     from harpy_pin.kernels.kernels import wait_for_all
     from harpy_pin.scenario import walk
 
@@ -63,7 +63,7 @@ def compile_ahead(
     ]
     if clear:
         console.print(
-            f"removed {_count(compiler.clear())} from {compiler.folder()}", soft_wrap=True
+            f"removed {_count(library_files.clear())} from {library_files.folder()}", soft_wrap=True
         )
         if not robots:
             return
@@ -79,7 +79,7 @@ def compile_ahead(
                     refused.append(error)
                     console.print(f"{work[future]}: {error}", soft_wrap=True)
                     continue
-                seconds, made = perf_counter() - begin, _count(len(compiler.MADE))
+                seconds, made = perf_counter() - begin, _count(len(library_files.MADE))
                 console.print(f"{work[future]}: done after {seconds:.1f} s, {made}")
             if len(refused) == len(work):
                 raise refused[-1]
@@ -88,9 +88,9 @@ def compile_ahead(
             with compiler.ending():
                 threads.shutdown(cancel_futures=True)
             raise
-    folder = compiler.MADE[-1].parent if compiler.MADE else compiler.folder()
+    folder = library_files.MADE[-1].parent if library_files.MADE else library_files.folder()
     message = (
-        f"{_count(len(compiler.MADE))} compiled in {perf_counter() - begin:.1f} s; they are "
+        f"{_count(len(library_files.MADE))} compiled in {perf_counter() - begin:.1f} s; they are "
         f"in {folder}"
     )
     console.print(message, soft_wrap=True)

@@ -26,6 +26,7 @@ from harpy_pin.kernels.values import (
     Refused,
     Value,
     View,
+    refuse_if,
     refused,
 )
 
@@ -120,8 +121,7 @@ class Assignments(Parts):
     def _unpack(self, target: ast.Tuple, value: Value) -> None:
         """Several targets at once: what would be overwritten before it is read is kept first."""
         items = list(self.items_of(value))
-        if len(items) != len(target.elts):
-            raise Refused("another number of targets than of values")
+        refuse_if(len(items) != len(target.elts), "another number of targets than of values")
         for n, element in enumerate(target.elts):
             names = set(stored([element]))
             changed = {own.name for own in self.variables.values() if own.of in names}
@@ -162,10 +162,10 @@ class Assignments(Parts):
     def _set_number(self, name: str, value: Number) -> Number:
         argument = self.arguments.get(name)
         if argument is not None and self.environment.get(name) == argument:
-            if value.type.rank > argument.type.rank:
-                raise Refused(
-                    f"'{name}', an argument of a narrower type: give the number another name"
-                )
+            refuse_if(
+                value.type.rank > argument.type.rank,
+                f"'{name}', an argument of a narrower type: give the number another name",
+            )
             self.emit("{} = {};", argument.code, self.cast(value, argument.type).code)
             return argument
         kind = self.learnt.ranks.setdefault(name, value.type)
@@ -271,8 +271,7 @@ class Assignments(Parts):
             raise refused(target, " is neither a number nor an array")
         elif not is_empty(place):
             effects, value = self.effects, self.expression(statement.value)
-            if self.effects > effects:
-                raise Refused(WRITES)
+            refuse_if(self.effects > effects, WRITES)
             if isinstance(place, View):
                 self.function.written |= place.roots
             self.fill(place, self.arithmetic(operator, place, value))
@@ -289,13 +288,11 @@ class Assignments(Parts):
 
     def _change_memory(self, place: Number, operator: type[ast.operator], node: ast.expr) -> None:
         """``a[i] += value``, or that of a field."""
-        if place.type is SINGLE:
-            raise Refused("a change of an element of a float32 array")
+        refuse_if(place.type is SINGLE, "a change of an element of a float32 array")
         effects, emitted = self.effects, self.emitted
         value, before = self.number(node), Number(place.type, place.code.loaded)
         if self.effects > effects:
-            if self.emitted > emitted or place.code.loads:
-                raise Refused(WRITES)
+            refuse_if(self.emitted > emitted or place.code.loads, WRITES)
             before = self.keep("before", before)  # what Python reads first
         after = self.calculation(operator, before, value)
         if before.code.is_name or operator not in SIGNS or after.type != place.type:

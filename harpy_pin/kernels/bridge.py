@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from harpy_pin.errors import HarpyError, KernelError
-from harpy_pin.kernels import compiler
+from harpy_pin.kernels import library_files
 from harpy_pin.kernels.record_view import RecordView
 from harpy_pin.kernels.shapes import ANY, Shape, encode
 from harpy_pin.kernels.types import Array, Struct, Tuple, Type
@@ -57,7 +57,7 @@ def calling_library(*files: Path) -> ctypes.PyDLL:
     text = "\n".join(
         file.read_text(encoding="utf-8") for file in (Path(__file__).with_name("calls.h"), *files)
     )
-    return compiler.library(files[-1].stem, compiler.key_of(text), lambda: text)
+    return library_files.library(files[-1].stem, library_files.key_of(text), lambda: text)
 
 
 @cache

@@ -26,6 +26,7 @@ from harpy_pin.kernels.values import (
     Refused,
     Value,
     View,
+    refuse_if,
     refused,
 )
 
@@ -63,11 +64,11 @@ class Expressions(NumpyFunctions):
             writes.append(self.effects > before)
         for n, write in enumerate(writes):
             others = [writes[m] or reads(value) for m, value in enumerate(values) if m != n]
-            if write and any(others):
-                raise Refused(
-                    "a call that changes what the rest of the expression reads: give its result a "
-                    "name first"
-                )
+            refuse_if(
+                write and any(others),
+                "a call that changes what the rest of the expression reads: give its result a "
+                "name first",
+            )
         return values
 
     def inline(self, translate: Callable[[ast.expr], Any], node: ast.expr) -> Any:
@@ -125,8 +126,7 @@ class Expressions(NumpyFunctions):
             if value is None:
                 raise Refused(f"'{node.id}', which is not the same kind of thing on every way here")
             return value
-        if node.id in self.local:
-            raise Refused(f"'{node.id}' before it has a value")
+        refuse_if(node.id in self.local, f"'{node.id}' before it has a value")
         return self.known(self.source.lookup(node.id), node.id)
 
     def _constant(self, node: ast.Constant) -> Value:

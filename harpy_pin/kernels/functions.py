@@ -32,6 +32,7 @@ from harpy_pin.kernels.values import (
     Refused,
     Value,
     View,
+    refuse_if,
     refused,
 )
 
@@ -179,8 +180,9 @@ class _Function(Statements):
             given[name] = self.in_memory(value) if isinstance(value, Computed) else value
         called = translate(self.unit, kernel, tuple(map(_passed, given.values())))
         self.effects += bool(called.written)
-        if called.name in self.taken:
-            raise Refused(f"a call of {called.name} beside a variable of that name")
+        refuse_if(
+            called.name in self.taken, f"a call of {called.name} beside a variable of that name"
+        )
         codes: list[Code] = []
         for value, (name, kind) in zip(_flat(given.values()), called.parameters, strict=True):
             if name in called.written and isinstance(value, View | Record):
@@ -216,11 +218,10 @@ class _Function(Statements):
         }
         for pair in called.apart:
             written, read = (ways_of_caller(way, memory) for way in pair)
-            if stems(written) & stems(read):
-                raise Refused(
-                    f"a call of {called.name} that writes to '{pair[0]}' what it reads as "
-                    f"'{pair[1]}'"
-                )
+            refuse_if(
+                bool(stems(written) & stems(read)),
+                f"a call of {called.name} that writes to '{pair[0]}' what it reads as '{pair[1]}'",
+            )
             self.function.apart |= set(product(written, read))
 
 

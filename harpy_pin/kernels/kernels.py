@@ -22,19 +22,13 @@ from weakref import WeakSet
 import numpy as np
 
 from harpy_pin.errors import KernelError
-from harpy_pin.kernels import compiler
+from harpy_pin.kernels import compiler, library_files
 from harpy_pin.kernels.bridge import DTYPES, Bound, Caller, Version, bridge, join
 from harpy_pin.kernels.entry_points import argument_types, entry_code
 from harpy_pin.kernels.shapes import Shape, check_shapes
 from harpy_pin.kernels.source import fingerprint, remember
 from harpy_pin.kernels.types import Array, Struct, Type
 
-TRANSLATOR = (
-    *("code", "types", "values", "unit", "body", "numbers", "arrays", "numpy_functions"),
-    *("source", "expressions", "overlaps", "parts", "assignments", "statements", "functions"),
-    "entry_points",
-)
-"""Modules that decide the C of a kernel."""
 _LOCK = RLock()
 _TRANSLATING = RLock()  # Python's parser is for one thread at a time
 _KERNELS: WeakSet[Kernel[Any]] = WeakSet()
@@ -187,13 +181,15 @@ class Kernel(Caller, Generic[Result_co]):
         """
         name = self.py_func.__name__.strip("_")
         code = fingerprint(self.py_func, portable=compiler.portable())
-        key = compiler.key_of(_translator(), code, f"{self.py_func.__module__}.{name}", repr(types))
+        key = library_files.key_of(
+            _translator(), code, f"{self.py_func.__module__}.{name}", repr(types)
+        )
 
         def source() -> str:
             with _TRANSLATING:
                 return entry_code(self, types)
 
-        lib = compiler.library(name, key, source)
+        lib = library_files.library(name, key, source)
         told = json.loads(ctypes.c_char_p.in_dll(lib, "signature").value or b"{}")
         entry = ctypes.cast(lib.entry, ctypes.c_void_p).value
         named = dict(zip(self._names, types, strict=True))
@@ -325,6 +321,4 @@ def end_all() -> None:
 def _translator() -> bytes:
     """The translator's own source: what it writes is made anew when it changes."""
     here = Path(__file__).parent
-    return b"".join(
-        (here / name).read_bytes() for name in (*(f"{own}.py" for own in TRANSLATOR), "helpers.c")
-    )
+    return b"".join(path.read_bytes() for path in (*sorted(here.glob("*.py")), here / "helpers.c"))

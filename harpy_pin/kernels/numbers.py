@@ -12,7 +12,7 @@ import numpy as np
 from harpy_pin.kernels.body import Body
 from harpy_pin.kernels.code import ATOM, BINDING, UNARY, Code, c, infix, joined
 from harpy_pin.kernels.types import BOOLEAN, INTEGER, REAL, SINGLE, Scalar, Size
-from harpy_pin.kernels.values import Number, Refused
+from harpy_pin.kernels.values import Number, Refused, refuse_if
 
 OPERATORS: dict[type[ast.operator], str] = {ast.Add: "+", ast.Sub: "-", ast.Mult: "*"}
 BITS: dict[type[ast.operator], str] = {ast.BitOr: "|", ast.BitAnd: "&"}
@@ -107,8 +107,7 @@ class Numbers(Body):
     def calculation(self, operator: type[ast.operator], a: Number, b: Number) -> Number:
         """An operation on two numbers."""
         if operator in BITS:
-            if REAL in (a.type, b.type):
-                raise Refused("| or & of real numbers")
+            refuse_if(REAL in (a.type, b.type), "| or & of real numbers")
             kind = BOOLEAN if a.type is BOOLEAN and b.type is BOOLEAN else INTEGER
             return Number(
                 kind, c("({} {} {})", a.code.within(ATOM), BITS[operator], b.code.within(ATOM))
@@ -121,8 +120,7 @@ class Numbers(Body):
         a, b = self.cast(a, kind), self.cast(b, kind)
         if operator in (ast.FloorDiv, ast.Mod):
             return self._division(operator is ast.FloorDiv, a, b)
-        if operator not in OPERATORS:
-            raise Refused(f"the operator {operator.__name__}")
+        refuse_if(operator not in OPERATORS, f"the operator {operator.__name__}")
         sign = OPERATORS[operator]
         constant = None
         if kind is INTEGER and a.constant is not None and b.constant is not None:
@@ -137,15 +135,13 @@ class Numbers(Body):
         exponent = b.constant
         if isinstance(exponent, int) and 2 <= exponent <= LARGEST_POWER and a.type is REAL:
             return self.helped(REAL, f"power_{exponent}", a)
-        if a.type is not REAL and b.type is not REAL:
-            raise Refused("a power of integers")
+        refuse_if(a.type is not REAL and b.type is not REAL, "a power of integers")
         return self._called(self.unit.function("pow"), a, b)
 
     def _division(self, quotient: bool, a: Number, b: Number) -> Number:
         """Quotient or rest, rounded down as Python does."""
         if a.type is REAL:
-            if quotient:
-                raise Refused("// of real numbers")
+            refuse_if(quotient, "// of real numbers")
             return self.helped(REAL, "real_mod", a, b)
         if isinstance(a.constant, int) and isinstance(b.constant, int) and b.constant > 0:
             return self.constant(a.constant // b.constant if quotient else a.constant % b.constant)

@@ -16,7 +16,16 @@ import numpy as np
 from harpy_pin.kernels.arrays import Arrays, as_number, elsewhere, number_type
 from harpy_pin.kernels.numbers import COMPARISONS
 from harpy_pin.kernels.types import BOOLEAN, INTEGER, REAL, Array, Size, known
-from harpy_pin.kernels.values import AnArray, Computed, Items, Number, Refused, Value, View
+from harpy_pin.kernels.values import (
+    AnArray,
+    Computed,
+    Items,
+    Number,
+    Refused,
+    Value,
+    View,
+    refuse_if,
+)
 
 LONG = 6
 """Terms of a sum that are written out, without a loop."""
@@ -40,8 +49,10 @@ class NumpyFunctions(Arrays):
             found = [self.comparison(ast.Eq, number, as_number(item)) for item in b.items]
             return self.conditions("||", found)
         tuples = isinstance(a, Items) and isinstance(b, Items)
-        if operator not in ((ast.Eq, ast.NotEq) if tuples else COMPARISONS):
-            raise Refused(f"the comparison {operator.__name__}")
+        refuse_if(
+            operator not in ((ast.Eq, ast.NotEq) if tuples else COMPARISONS),
+            f"the comparison {operator.__name__}",
+        )
         if not isinstance(a, Items) or not isinstance(b, Items):
             return self.elementwise(partial(self.comparison, operator), a, b)
         same = self.constant(len(a.items) == len(b.items))
@@ -94,8 +105,7 @@ class NumpyFunctions(Arrays):
             return value
         index, before = self.fresh("k_"), self.emitted
         first, other = term(self.constant(0)), term(Number(INTEGER, index))
-        if self.emitted > before:
-            raise Refused("a sum of sums: give the inner one a name first")
+        refuse_if(self.emitted > before, "a sum of sums: give the inner one a name first")
         total = Number(first.type, self.fresh("total"))
         if isinstance(size, int) and size:
             self.emit("{} {} = {};", str(total.type), total.code, first.code)
@@ -116,10 +126,10 @@ class NumpyFunctions(Arrays):
     def cross(self, a: Value, b: Value) -> Computed:
         """``np.cross`` of vectors; one of them, or both, may be rows of a matrix."""
         left, right = self._factor(a), self._factor(b)
-        if left.shape[-1] != 3 or right.shape[-1] != 3:
-            raise Refused(
-                "a cross product of other arrays than of three numbers, or of rows of three"
-            )
+        refuse_if(
+            left.shape[-1] != 3 or right.shape[-1] != 3,
+            "a cross product of other arrays than of three numbers, or of rows of three",
+        )
         same = len(left.shape) == len(right.shape)
         shapes = left.shape, right.shape
         shape = self.common_shape(*shapes) if same else max(shapes, key=len)
@@ -160,8 +170,7 @@ class NumpyFunctions(Arrays):
     def array_of(self, items: Value) -> View:
         """Numbers, or vectors of one length, as an array."""
         rows = [self.items_of(item) for item in self.items_of(items)]
-        if len({len(row) for row in rows}) != 1:
-            raise Refused("rows of different lengths")
+        refuse_if(len({len(row) for row in rows}) != 1, "rows of different lengths")
         made = self.space("array", (len(rows), len(rows[0])) if rows[0] else (len(rows),))
         numbers = [number for row in rows for number in row] or self.items_of(items)
         for n, number in enumerate(numbers):

@@ -26,6 +26,7 @@ from harpy_pin.kernels.values import (
     Refused,
     Value,
     View,
+    refuse_if,
     refused,
 )
 
@@ -99,10 +100,14 @@ class Parts(Expressions):
             owner, [ast.Slice() if n == place else part for n, part in enumerate(parts)]
         )
         before = sum(slices[:place])
-        if len(chosen) > 1 or len(indices.shape) > 1 or number_type(indices) is not INTEGER:
-            raise Refused("a choice of elements by anything but one vector of integers")
-        if before < place and len(parts) > before + 1 + sum(slices[place:]):
-            raise Refused("a choice of elements beside an index")
+        refuse_if(
+            len(chosen) > 1 or len(indices.shape) > 1 or number_type(indices) is not INTEGER,
+            "a choice of elements by anything but one vector of integers",
+        )
+        refuse_if(
+            before < place and len(parts) > before + 1 + sum(slices[place:]),
+            "a choice of elements beside an index",
+        )
 
         def rule(at: Sequence[Number]) -> Number:
             n = self._inside(self.element(indices, at[before : before + 1]), whole.shape[before])
@@ -116,8 +121,7 @@ class Parts(Expressions):
     def _view(self, owner: View, parts: list[ast.expr]) -> View:
         """A part of an array, without axes where all of them have an index."""
         shape, strides = owner.shape, owner.type.strides
-        if len(parts) > len(shape):
-            raise Refused(f"{len(parts)} indices of an array of {len(shape)} axes")
+        refuse_if(len(parts) > len(shape), f"{len(parts)} indices of an array of {len(shape)} axes")
         fixed, terms, begins = 0, list[Code](), list[Number]()
         sizes, kept = list[Size](), list[Size]()
         for part, size, step in zip(parts, shape, strides, strict=False):
@@ -142,8 +146,10 @@ class Parts(Expressions):
     def _inside(self, value: Number, size: Size) -> Number:
         """An index, which is checked if it is known or C is made to be debugged."""
         if isinstance(value.constant, int):
-            if value.constant < 0 or (isinstance(size, int) and value.constant >= size):
-                raise Refused(f"index {value.constant} of an axis of {size}")
+            refuse_if(
+                value.constant < 0 or (isinstance(size, int) and value.constant >= size),
+                f"index {value.constant} of an axis of {size}",
+            )
         elif self.unit.debug:
             name = self.unit.helper("inside")
             return Number(INTEGER, c("{}({}, {}, __LINE__)", name, value.code, size))
@@ -151,14 +157,15 @@ class Parts(Expressions):
 
     def _slice(self, node: ast.Slice, size: Size) -> tuple[Number, Size]:
         """Where a slice begins, and its size."""
-        if node.step is not None:
-            raise Refused("a slice with a step")
+        refuse_if(node.step is not None, "a slice with a step")
         begin = self.integer(node.lower) if node.lower is not None else self.constant(0)
         end = self.integer(node.upper) if node.upper is not None else self.size(size)
         length = self._length(node, begin, end, size)
         for bound in (begin.constant, end.constant):
-            if isinstance(bound, int) and isinstance(size, int) and not 0 <= bound <= size:
-                raise Refused(f"a slice to {bound} of an axis of {size}")
+            refuse_if(
+                isinstance(bound, int) and isinstance(size, int) and not 0 <= bound <= size,
+                f"a slice to {bound} of an axis of {size}",
+            )
         if self.unit.debug:
             name = self.unit.helper("within")
             code = c("{}({}, {}, {}, __LINE__)", name, begin.code, end.code, size)
@@ -207,12 +214,13 @@ class Parts(Expressions):
     def reshaped(self, owner: AnArray, arguments: list[ast.expr]) -> View:
         """``a.reshape(...)``, without a copy."""
         view = self.in_memory(owner)
-        if not view.type.is_packed:
-            raise Refused("reshape of a view with gaps")
+        refuse_if(not view.type.is_packed, "reshape of a view with gaps")
         parts = arguments[0].elts if isinstance(arguments[0], ast.Tuple) else arguments
         shape = sizes_of(Items(tuple(self.integer(part) for part in parts)))
         new, old = known(shape), known(view.shape)
         negative = any(isinstance(n, int) and n < 0 for n in shape)
-        if negative or (new is not None and old is not None and prod(new) != prod(old)):
-            raise Refused(f"reshape of {shape_text(view.shape)} to {shape_text(shape)}")
+        refuse_if(
+            negative or (new is not None and old is not None and prod(new) != prod(old)),
+            f"reshape of {shape_text(view.shape)} to {shape_text(shape)}",
+        )
         return replace(view, type=Array.packed(view.element, shape))

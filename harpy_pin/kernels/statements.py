@@ -9,7 +9,7 @@ from harpy_pin.kernels.assignments import Assignments, Wider, stored
 from harpy_pin.kernels.body import Line
 from harpy_pin.kernels.code import BINDING, Code, c, joined, variable
 from harpy_pin.kernels.types import INTEGER, NOTHING, REAL, Array, Scalar, Tuple, Type, known
-from harpy_pin.kernels.values import AnArray, Done, Items, Number, Refused, Value, View
+from harpy_pin.kernels.values import AnArray, Done, Items, Number, Refused, Value, View, refuse_if
 
 RESULT = "result_"
 """The name of the memory that an array is returned in; no other name of C ends so."""
@@ -58,8 +58,7 @@ class Statements(Assignments):
         if isinstance(statement.value, ast.Constant):
             return
         value = self.expression(statement.value)
-        if not isinstance(statement.value, ast.Call):
-            raise Refused("an expression that does nothing")
+        refuse_if(not isinstance(statement.value, ast.Call), "an expression that does nothing")
         if isinstance(value, Number | Done):
             self.emit("{};", value.code)
 
@@ -88,10 +87,10 @@ class Statements(Assignments):
         return True
 
     def _return_array(self, value: AnArray) -> None:
-        if known(value.shape) is None:
-            raise Refused(
-                "a result whose size is not known when compiling: give an array to be written"
-            )
+        refuse_if(
+            known(value.shape) is None,
+            "a result whose size is not known when compiling: give an array to be written",
+        )
         kind, memory = Array.packed(REAL, value.shape), frozenset((RESULT,))
         self._returns(kind)
         self.fill(View(kind, Code(RESULT), None, memory, memory), value)
@@ -144,8 +143,10 @@ class Statements(Assignments):
             raise Wider
         for name in before:
             value = after[name]
-            if isinstance(value, View) and value.roots & set(self.work[work:]):
-                raise Refused(f"'{name}', which outlives the work space of its round")
+            refuse_if(
+                bool(isinstance(value, View) and value.roots & set(self.work[work:])),
+                f"'{name}', which outlives the work space of its round",
+            )
         self.environment = after
 
     def _enter(self, statement: ast.For | ast.While) -> None:
@@ -157,8 +158,7 @@ class Statements(Assignments):
 
     def do_while(self, statement: ast.While) -> bool:
         """A loop with a condition."""
-        if statement.orelse:
-            raise Refused("a loop with else")
+        refuse_if(bool(statement.orelse), "a loop with else")
         self._enter(statement)
         condition: Number = self.inline(self.truth, statement.test)
         self._loop(c("while ({})", condition.code), statement)
@@ -182,8 +182,9 @@ class Statements(Assignments):
         if not isinstance(statement.target, ast.Name) or statement.orelse:
             raise Refused("a loop over several names, or with else")
         name, call, first = statement.target.id, statement.iter, ""
-        if name != "_" and name in stored(statement.body):
-            raise Refused(f"'{name}', which its loop changes")
+        refuse_if(
+            name != "_" and name in stored(statement.body), f"'{name}', which its loop changes"
+        )
         own = variable(self.unit.identifier(name)) if name != "_" else self.fresh("round")
         before = self.environment.get(name)
         item = Number(INTEGER, own)
@@ -258,8 +259,7 @@ def _unified(a: Type, b: Type) -> Type:
         return max(a, b, key=lambda kind: kind.rank)
     if isinstance(a, Tuple) and isinstance(b, Tuple) and len(a.items) == len(b.items):
         return Tuple(tuple(_unified(x, y) for x, y in zip(a.items, b.items, strict=True)))
-    if a != b:
-        raise Refused("results of different kinds")
+    refuse_if(a != b, "results of different kinds")
     return a
 
 

@@ -15,6 +15,12 @@ class Refused(Exception):
     """Something that kernels do not have."""
 
 
+def refuse_if(condition: bool, reason: str) -> None:
+    """Refuse what kernels do not have."""
+    if condition:
+        raise Refused(reason)
+
+
 def refused(node: ast.AST, reason: str = "") -> Refused:
     """The refusal of a piece of source, which the message begins with."""
     return Refused(f"'{ast.unparse(node)}'{reason}")

@@ -17,7 +17,7 @@ from needs import needs_compiler
 from oracle import run_plain
 
 from harpy_pin.errors import KernelError
-from harpy_pin.kernels import compiler, kernel, unit
+from harpy_pin.kernels import compiler, kernel, library_files, unit
 
 pytestmark = needs_compiler
 MODULE = """
@@ -127,15 +127,15 @@ def test_a_disk_that_is_full(tmp_path, monkeypatch):
     """What cannot be written where it belongs lives as long as the process."""
     full = tmp_path / "full"
     full.mkdir()
-    monkeypatch.setattr(compiler, "folder", lambda: full)
-    make = compiler.tempfile.mkstemp
+    monkeypatch.setattr(library_files, "folder", lambda: full)
+    make = library_files.tempfile.mkstemp
 
     def refuse(*arguments, **how):
         if Path(how["dir"]) == full:
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
         return make(*arguments, **how)
 
-    monkeypatch.setattr(compiler.tempfile, "mkstemp", refuse)
+    monkeypatch.setattr(library_files.tempfile, "mkstemp", refuse)
 
     @kernel
     def double(x: float):
@@ -203,7 +203,7 @@ def test_a_library_in_parts(monkeypatch, tmp_path):
     """A long function, and a short one, are called from several parts; the short one calls another
     long one.
     """
-    monkeypatch.setattr(compiler, "folder", lambda: tmp_path)
+    monkeypatch.setattr(library_files, "folder", lambda: tmp_path)
     monkeypatch.setattr(unit, "PART", 250)
     monkeypatch.setattr(unit, "SHORT", 120)
     x = np.random.default_rng(0).normal(size=5)
@@ -215,7 +215,7 @@ def test_a_library_in_parts(monkeypatch, tmp_path):
 
 
 def test_what_the_compiler_says_is_told(monkeypatch, tmp_path):
-    monkeypatch.setattr(compiler, "folder", lambda: tmp_path)
+    monkeypatch.setattr(library_files, "folder", lambda: tmp_path)
     monkeypatch.setattr(compiler, "FLAGS", ("-O2", "-Dreal=nonsense+"))
 
     @kernel
@@ -225,7 +225,7 @@ def test_what_the_compiler_says_is_told(monkeypatch, tmp_path):
     with pytest.raises(KernelError, match="failed"):
         triple(1.0)
     monkeypatch.undo()
-    monkeypatch.setattr(compiler, "folder", lambda: tmp_path)
+    monkeypatch.setattr(library_files, "folder", lambda: tmp_path)
     assert triple(1.0) == 3.0  # the next call tries again
 
 
@@ -235,7 +235,7 @@ def test_old_libraries_go(tmp_path):
     (old,) = libraries(tmp_path)
     mine = tmp_path / "cache" / "notes.txt"
     mine.write_text("not of the library")
-    long_ago = old.stat().st_mtime - compiler.UNUSED_FOR - 10.0
+    long_ago = old.stat().st_mtime - library_files.UNUSED_FOR - 10.0
     os.utime(old, (long_ago, long_ago))
     os.utime(mine, (long_ago, long_ago))
     write(tmp_path, factor=5.0)
@@ -268,7 +268,7 @@ def _forged(path, data):
     """With the checksum that belongs to the name, as somebody would make it who reads the
     source.
     """
-    path.write_bytes(data + compiler._checksum(path.name, data))
+    path.write_bytes(data + library_files._checksum(path.name, data))
 
 
 ATTACKS = {
@@ -343,9 +343,9 @@ def test_a_folder_that_others_can_write_to_is_not_used(mode, tmp_path):
 def test_a_lock_that_nobody_releases(tmp_path, monkeypatch):
     import fcntl
 
-    monkeypatch.setattr(compiler, "PATIENCE", 0.2)
-    monkeypatch.setattr(compiler, "folder", lambda: tmp_path)
+    monkeypatch.setattr(library_files, "PATIENCE", 0.2)
+    monkeypatch.setattr(library_files, "folder", lambda: tmp_path)
     with (tmp_path / "held-0.lock").open("w") as held:
         fcntl.flock(held, fcntl.LOCK_EX)
-        with compiler._alone(tmp_path / "held-0.so"):
+        with library_files._alone(tmp_path / "held-0.so"):
             pass

@@ -20,7 +20,7 @@ from harpy_pin.contrib.batch import CondensedBatch
 from harpy_pin.contrib.shield import Shield
 from harpy_pin.controllers.governed import FrictionEstimator
 from harpy_pin.gaits.gait import CompletedGait
-from harpy_pin.kernels import compiler, kernel
+from harpy_pin.kernels import compiler, kernel, library_files
 from harpy_pin.model.catalogue import installed_data
 from harpy_pin.model.entry import MAX_SAMPLE
 from harpy_pin.wbc import installed_solvers
@@ -360,7 +360,7 @@ def test_batches_go_on_in_a_forked_child(robot, state):
 @pytest.mark.usefixtures("compiled_ahead")
 def test_kernels_that_are_being_compiled_are_compiled_in_a_forked_child(tmp_path, monkeypatch):
     """The parent's threads are not there to end what they have begun."""
-    monkeypatch.setattr(compiler, "folder", lambda: tmp_path)
+    monkeypatch.setattr(library_files, "folder", lambda: tmp_path)
     begun, forked, run = threading.Event(), threading.Event(), compiler.run_compiler
 
     def run_when_forked(arguments, **given):

@@ -26,7 +26,7 @@ from time import perf_counter, perf_counter_ns, process_time
 begin = perf_counter()
 import copy, json, statistics, sys
 import harpy_pin as hp
-from harpy_pin.kernels import compiler
+from harpy_pin.kernels import compiler, library_files
 scenario = dict(robot=sys.argv[1], controller="wbc" if sys.argv[1] == "solo8" else "condensed")
 hp.walk(hp.Scenario(**scenario, duration=0.001))
 told = {"wall": perf_counter() - begin, "cpu": process_time(), "file": hp.__file__}
@@ -37,7 +37,7 @@ for state in states * 9:
     walk.controller.step(state)
     laps.append(perf_counter_ns() - begin)
 told |= {"tick": statistics.median(laps) / 1e3, "ending": run.ending, "q": run["q"].tobytes().hex()}
-print(json.dumps(told | {"kernels": [compiler.compiler() is None, len(compiler.MADE)]}))
+print(json.dumps(told | {"kernels": [compiler.compiler() is None, len(library_files.MADE)]}))
 """
 """Seconds from import to the end of the first tick, by the clock and of the processor; a tick, µs;
 a walk.
