@@ -122,15 +122,12 @@ class Arrays(Numbers):
     def where(self, condition: Value, a: Value, b: Value) -> Value:
         """``np.where``."""
 
-        def choose(condition: Number, a: Number, b: Number) -> Number:
-            return self._choice_of_numbers(self.cast(condition, BOOLEAN), a, b)
-
-        return self.elementwise(choose, condition, a, b)
+        return self.elementwise(self._choice_of_numbers, condition, a, b)
 
     def _choice_of_numbers(self, condition: Number, a: Number, b: Number) -> Number:
         kind = wider(a, b)
         codes = self.cast(a, kind).code, self.cast(b, kind).code
-        return Number(kind, choice_of(condition.code, *codes))
+        return Number(kind, choice_of(self.cast(condition, BOOLEAN).code, *codes))
 
     def space(self, name: str, shape: Shape) -> View:
         """Work space for real numbers; its size is known when compiling."""

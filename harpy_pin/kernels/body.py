@@ -4,12 +4,14 @@ declared.
 
 from __future__ import annotations
 
+import ast
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 
 from harpy_pin.kernels.code import Code, c, variable
-from harpy_pin.kernels.unit import CFunction, Unit
+from harpy_pin.kernels.source import Source
+from harpy_pin.kernels.unit import CFunction, Unit, unused
 
 
 @dataclass
@@ -32,15 +34,9 @@ class Assignment:
     declares: bool = False
 
 
-@dataclass(frozen=True)
-class Line:
-    """The line of Python that what follows comes from."""
-
-    number: int
-    file: str
-
-    def __str__(self) -> str:
-        return f'#line {self.number} "{self.file}"'
+def line_of(source: Source, node: ast.stmt) -> Code:
+    """What says which line of Python the next ones come from."""
+    return Code(f'#line {node.lineno} "{source.file}"')
 
 
 @dataclass(eq=False)
@@ -50,7 +46,7 @@ class Block:
     header: Code  # before the brace
     loop: bool = False  # whether it is gone through more than once
     own: Code | None = None  # what it counts with, which nothing outside of it is
-    items: list[Code | Assignment | Block | Line] = field(default_factory=list)
+    items: list[Code | Assignment | Block] = field(default_factory=list)
     declarations: list[str] = field(default_factory=list)
 
     def render(self, depth: int = 1) -> list[str]:
@@ -66,8 +62,8 @@ class Block:
                 own = item.variable
                 name = own.declaration if item.declares else own.name
                 lines.append(f"{indent}{name} {item.sign} {item.code};")
-            elif str(item):
-                lines.append(f"{'' if isinstance(item, Line) else indent}{item}")
+            elif item.text:
+                lines.append(f"{'' if item.text.startswith('#') else indent}{item}")
         return lines
 
 
@@ -86,7 +82,7 @@ def _items(block: Block, around: Place = ()) -> Iterator[tuple[Place, Code, Vari
                 if item.own and item.own.text in code.names:
                     code = replace(code, names=code.names - item.own.names)
                 yield where, code, target
-        elif isinstance(item, Code):
+        else:
             yield place, item, None
 
 
@@ -123,9 +119,7 @@ class Body:
 
     def fresh(self, name: str) -> Code:
         """A name that nothing has, which begins so."""
-        own, n = name, 2
-        while own in self.taken | self.reserved:
-            own, n = f"{name}_{n}", n + 1
+        own = unused(name, self.taken | self.reserved)
         self.taken.add(own)
         return variable(own)
 

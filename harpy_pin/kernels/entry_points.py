@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -28,9 +28,6 @@ from harpy_pin.kernels.types import (
 )
 from harpy_pin.kernels.unit import CFunction, Unit, in_part
 
-if TYPE_CHECKING:
-    from harpy_pin.kernels.kernels import Kernel
-
 SLOT = "typedef union { void *pointer; double number; int64_t whole; } slot;"
 UPPER_HALVES = """#if defined(__AVX__) && (defined(__clang__) || __GNUC__ >= 12)
 #define exp(x) (__builtin_ia32_vzeroupper(), exp(x))
@@ -44,7 +41,7 @@ MEMBERS = {"real": "number", "integer": "whole", "bool": "whole"}
 LETTERS = {"real": "r", "integer": "i", "bool": "b"}
 
 
-def argument_types(kernel: Kernel[Any], given: Mapping[str, Any]) -> tuple[Type, ...]:
+def argument_types(kernel: Any, given: Mapping[str, Any]) -> tuple[Type, ...]:
     """Types of arguments; a :class:`KernelError` where a kernel takes nothing of that kind."""
     records = {
         name: value.dtype
@@ -55,7 +52,7 @@ def argument_types(kernel: Kernel[Any], given: Mapping[str, Any]) -> tuple[Type,
 
 
 def _type(
-    kernel: Kernel[Any], name: str, value: Any, records: Mapping[str, Any], *, whole: bool = True
+    kernel: Any, name: str, value: Any, records: Mapping[str, Any], *, whole: bool = True
 ) -> Type:
     """The type of an argument, or of a part of one that is a tuple."""
     if isinstance(value, np.ndarray):

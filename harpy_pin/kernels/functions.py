@@ -12,7 +12,7 @@ from typing import Any
 
 from harpy_pin.errors import KernelError
 from harpy_pin.kernels.assignments import Learnt, Wider
-from harpy_pin.kernels.body import Line
+from harpy_pin.kernels.body import line_of
 from harpy_pin.kernels.code import Code, c, joined, variable
 from harpy_pin.kernels.numbers import EXTREMES, LIBRARY, OF_TWO
 from harpy_pin.kernels.numpy_functions import FUNCTIONS
@@ -124,7 +124,7 @@ class _Function(Statements):
         result_type = self.unit.result_type(function.result)
         function.head = f"static {result_type} {function.name}({', '.join(parameters) or 'void'})"
         comment = self.unit.comment(source.docstring)
-        line = [str(Line(tree.lineno, source.file))] if self.unit.lines else []
+        line = [str(line_of(source, tree))] if self.unit.lines else []
         function.text = "\n".join([*comment, *line, function.head, "{", *silent, *lines, "}"])
         return function
 

@@ -6,7 +6,7 @@ import ast
 
 from harpy_pin.kernels.arrays import as_number
 from harpy_pin.kernels.assignments import Assignments, Wider, stored
-from harpy_pin.kernels.body import Line
+from harpy_pin.kernels.body import line_of
 from harpy_pin.kernels.code import BINDING, Code, c, joined, variable
 from harpy_pin.kernels.types import INTEGER, NOTHING, REAL, Array, Scalar, Tuple, Type, known
 from harpy_pin.kernels.values import AnArray, Done, Items, Number, Refused, Value, View, refuse_if
@@ -33,7 +33,7 @@ class Statements(Assignments):
         for statement in statements:
             name = type(statement).__name__
             if self.unit.lines:
-                self.path[-1].items.append(Line(statement.lineno, self.source.file))
+                self.path[-1].items.append(line_of(self.source, statement))
             try:
                 translate = getattr(self, f"do_{name.lower()}", None)
                 if translate is None:

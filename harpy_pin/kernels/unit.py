@@ -7,9 +7,9 @@ from __future__ import annotations
 import math
 import re
 import textwrap
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
-from itertools import accumulate
+from itertools import accumulate, count
 from pathlib import Path
 from typing import Any
 
@@ -52,6 +52,12 @@ HIDDEN = '__attribute__((visibility("hidden")))'
 def in_part(number: int | str) -> str:
     """The line of C before what only one part has; without ``PART`` the file is compiled whole."""
     return f"#if !defined(PART) || PART == {number}"
+
+
+def unused(stem: str, taken: Collection[str]) -> str:
+    """A name that begins so, and that is not taken."""
+    names = (f"{stem}_{n}" if n > 1 else stem for n in count(1))
+    return next(name for name in names if name not in taken)
 
 
 @dataclass
@@ -165,12 +171,8 @@ class Unit:
             for kind in parts:
                 if isinstance(kind, Struct):
                     self.struct(kind)  # before this one
-            stem = self.prefix + record.name
-            name, n = self.identifier(stem), 1
-            while name in self.structs.values():
-                n += 1
-                name = f"{stem}_{n}"
-            self.structs[record.dtype] = name
+            stem = self.identifier(self.prefix + record.name)
+            self.structs[record.dtype] = unused(stem, self.structs.values())
         return self.structs[record.dtype]
 
     def comment(self, text: str) -> list[str]:
@@ -210,14 +212,14 @@ class Unit:
         """
         functions = list(self.functions.values())
         ends = list(accumulate(len(function.text) for function in functions))
-        count = 1 + ends[-1] // PART
-        if count == 1:
+        parts = 1 + ends[-1] // PART
+        if parts == 1:
             return [function.text for function in functions]
         middles = [
             end - len(function.text) // 2 for function, end in zip(functions, ends, strict=True)
         ]
         part = {
-            function.name: n * count // ends[-1]
+            function.name: n * parts // ends[-1]
             for function, n in zip(functions, middles, strict=True)
         }
         called: dict[str, set[int]] = {name: set() for name in part}
@@ -232,7 +234,7 @@ class Unit:
             for name in function.calls:
                 called[name] |= places
             texts.append(text if len(places) > 1 else f"{in_part(*places)}\n{text}\n#endif")
-        return [f"#define PARTS {count}\n" + "\n".join(heads), *reversed(texts)]
+        return [f"#define PARTS {parts}\n" + "\n".join(heads), *reversed(texts)]
 
     def header(self) -> str:
         """What the file includes."""
@@ -272,8 +274,6 @@ class Unit:
         module, name = function.__module__.rpartition(".")[2], function.__name__.strip("_")
         stem = f"{module}_{name}" if function.__name__.startswith("_") else name
         stem = f"kernel_{stem}" if stem.startswith("results_") else stem  # those are types
-        own, n = stem, 1
-        while own in self.taken or own in RESERVED | ELSEWHERE | HELPERS.keys():
-            own, n = f"{stem}_{n + 1}", n + 1
+        own = unused(stem, self.taken | RESERVED | ELSEWHERE | HELPERS.keys())
         self.taken.add(own)
         return own

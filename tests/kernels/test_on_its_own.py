@@ -5,6 +5,7 @@ without it.
 import ast
 import subprocess
 import sys
+from graphlib import TopologicalSorter
 from pathlib import Path
 
 import harpy_pin.kernels
@@ -24,6 +25,24 @@ def test_it_knows_nothing_of_robots():
                 if name.startswith((".", "harpy_pin")) and "harpy_pin.kernels" not in name
             }
             assert others <= {"harpy_pin.errors"}, path.name
+
+
+def test_no_circle_of_files():
+    """Not even for the sake of types."""
+    nodes = {path.stem: ast.walk(ast.parse(path.read_text())) for path in FOLDER.glob("*.py")}
+    graph = {
+        name: {
+            own
+            for node in found
+            if isinstance(node, ast.ImportFrom)
+            for alias in node.names
+            for own in (f"{node.module}.{alias.name}".split(".")[2:])
+            if own in nodes
+        }
+        for name, found in nodes.items()
+    }
+    assert graph["functions"] >= {"statements", "unit"}
+    TopologicalSorter(graph).prepare()
 
 
 def test_a_robot_is_loaded_without_it():
