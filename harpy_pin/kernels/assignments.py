@@ -10,14 +10,13 @@ from functools import cache
 
 from harpy_pin.kernels.arrays import as_number, is_empty
 from harpy_pin.kernels.body import Variable
-from harpy_pin.kernels.code import Code
+from harpy_pin.kernels.code import NONE, Code
 from harpy_pin.kernels.expressions import reads
 from harpy_pin.kernels.parts import Parts
 from harpy_pin.kernels.source import Source
 from harpy_pin.kernels.types import SINGLE, Array, Scalar, Size, Type
 from harpy_pin.kernels.unit import CFunction, Unit
 from harpy_pin.kernels.values import (
-    NONE,
     AnArray,
     Computed,
     Items,

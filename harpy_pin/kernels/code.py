@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 ATOM = 100
 """How tightly names, calls and elements bind."""
@@ -13,15 +13,18 @@ BINDING |= {"==": 55, "!=": 55, "&&": 40, "||": 30, "?": 20}
 """How tightly operators between two operands bind."""
 
 
+NONE = frozenset[str]()
+
+
 @dataclass(frozen=True)
 class Code:
     """An expression in C, or a line."""
 
     text: str
     binding: int = ATOM  # how tightly its outermost operator binds
-    names: frozenset[str] = frozenset()  # variables of C that stand in it
+    names: frozenset[str] = NONE  # variables of C that stand in it
     loads: bool = False  # whether it reads an element or a field
-    calls: frozenset[str] = frozenset()  # functions of C in it that are kernels
+    calls: frozenset[str] = NONE  # functions of C in it that are kernels
 
     def __str__(self) -> str:
         return self.text
@@ -38,19 +41,18 @@ class Code:
     @property
     def loaded(self) -> Code:
         """The same, where it is an element or a field that is read."""
-        return replace(self, loads=True)
+        return Code(self.text, self.binding, self.names, True, self.calls)
 
 
 def c(template: str, *parts: Code | int | str, binding: int = ATOM) -> Code:
     """C with pieces in the place of ``{}``."""
-    codes = [part for part in parts if isinstance(part, Code)]
-    return Code(
-        template.format(*parts),
-        binding,
-        frozenset[str]().union(*(code.names for code in codes)),
-        any(code.loads for code in codes),
-        frozenset[str]().union(*(code.calls for code in codes)),
-    )
+    names = calls = NONE
+    loads = False
+    for part in parts:
+        if isinstance(part, Code):
+            names, calls = names | part.names, calls | part.calls
+            loads = loads or part.loads
+    return Code(template.format(*parts), binding, names, loads, calls)
 
 
 def variable(name: str) -> Code:

@@ -190,9 +190,8 @@ class Expressions(NumpyFunctions):
         for operator, other in zip(node.ops, (right, *later), strict=True):
             if not isinstance(left, Number) or not isinstance(other, Number):
                 raise refused(node, ": a chain of comparisons of arrays")
-            other = self.once(other)
-            parts.append(self.comparison(type(operator), left, other))
-            left = other
+            left, before = self.once(other), left
+            parts.append(self.comparison(type(operator), before, left))
         return self.conditions("&&", parts)
 
     def _ifexp(self, node: ast.IfExp) -> Value:

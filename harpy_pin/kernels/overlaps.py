@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 
-from harpy_pin.kernels.values import NONE, Number, View
+from harpy_pin.kernels.code import NONE
+from harpy_pin.kernels.values import Number, View
 
 
 def may_meet(view: View, other: View) -> bool:

@@ -95,7 +95,7 @@ class Parts(Expressions):
         }
         if not chosen:
             return self._view(owner, parts)
-        ((place, indices),) = chosen.items()  # TODO several
+        place, indices = next(iter(chosen.items()))
         whole = self._view(
             owner, [ast.Slice() if n == place else part for n, part in enumerate(parts)]
         )
@@ -141,7 +141,8 @@ class Parts(Expressions):
         elif owner.is_null:
             terms, fixed = [], 0
         ways = part_of(owner, begins) if begins else owner.ways
-        return replace(owner.at(sum_of(terms, fixed)), type=kind, ways=ways)
+        begin = owner.at(sum_of(terms, fixed))
+        return View(kind, begin.base, begin.offset, begin.roots, ways)
 
     def _inside(self, value: Number, size: Size) -> Number:
         """An index, which is checked if it is known or C is made to be debugged."""
@@ -175,9 +176,11 @@ class Parts(Expressions):
     def _length(self, node: ast.Slice, begin: Number, end: Number, size: Size) -> Size:
         """The size of a slice, which may be known although its ends are not."""
         lower, upper = node.lower, node.upper
-        if upper is not None or isinstance(size, int):
+        last = self._linear(upper) if upper is not None else None
+        if last is None and isinstance(size, int):
+            last = {"": size}
+        if last is not None:
             first = self._linear(lower) if lower is not None else {}
-            last = self._linear(upper) if upper is not None else {"": int(str(size))}
             rest = {t: last.get(t, 0) - first.get(t, 0) for t in last.keys() | first.keys()}
             if not any(n for term, n in rest.items() if term):
                 return rest.get("", 0)

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import ast
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
-from harpy_pin.kernels.code import ATOM, BINDING, UNARY, Code, c, joined
+from harpy_pin.kernels.code import ATOM, BINDING, NONE, UNARY, Code, c, joined
 from harpy_pin.kernels.types import Array, Scalar, Size, Struct
 
 
@@ -33,9 +33,6 @@ class Number:
     type: Scalar
     code: Code
     constant: int | float | bool | None = None  # the number, where it is known when compiling
-
-
-NONE = frozenset[str]()
 
 
 @dataclass(frozen=True)
@@ -64,7 +61,7 @@ class View:
         if offset is None:
             return self
         both = offset if self.offset is None else joined([self.offset, offset], " + ", BINDING["+"])
-        return replace(self, offset=both)
+        return View(self.type, self.base, both, self.roots, self.ways)
 
     @property
     def shape(self) -> tuple[Size, ...]:
