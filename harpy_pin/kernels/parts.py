@@ -96,14 +96,14 @@ class Parts(Expressions):
         if not chosen:
             return self._view(owner, parts)
         place, indices = next(iter(chosen.items()))
-        whole = self._view(
-            owner, [ast.Slice() if n == place else part for n, part in enumerate(parts)]
-        )
-        before = sum(slices[:place])
         refuse_if(
             len(chosen) > 1 or len(indices.shape) > 1 or number_type(indices) is not INTEGER,
             "a choice of elements by anything but one vector of integers",
         )
+        whole = self._view(
+            owner, [ast.Slice() if n == place else part for n, part in enumerate(parts)]
+        )
+        before = sum(slices[:place])
         refuse_if(
             before < place and len(parts) > before + 1 + sum(slices[place:]),
             "a choice of elements beside an index",

@@ -92,6 +92,15 @@ def test_the_size_of_a_view_after_its_loop():
 
 
 @kernel
+def lengths(a, n):
+    return 2 * a[: n - 1].shape[0], 7 - a[n - 2 :].size, a[1 : n + 1].reshape(n, 1).shape[0] * 3
+
+
+def test_the_size_of_a_slice_is_one_number():
+    assert same(lengths, four(), 3) == (4, 4, 9)
+
+
+@kernel
 def work(a):
     x, y = np.zeros(3), np.empty((2, 2))
     x[1:] = a[0:2]

@@ -198,9 +198,27 @@ def two_kinds(a, n: int):
     a[2] = x
 
 
+@kernel
+def moved(a):
+    a[0] += 1.0
+    return a[0]
+
+
+@kernel
+def at_a_moving_place(a, b):
+    b[int(a[0])] += moved(a)
+
+
+@kernel(a=(3, 3))
+def twice_chosen(a, rows):
+    a[rows, rows] = 0.0
+
+
 @pytest.mark.parametrize(
     ("function", "arguments", "reason"),
     [
+        (at_a_moving_place, (np.ones(3), np.ones(3)), "give its result a name first"),
+        (twice_chosen, (np.eye(3), np.array([0, 1])), "anything but one vector of integers"),
         (product_in_place, (np.eye(3), np.eye(3)), "writes to 'out' what it reads as 'a'"),
         (unequal, (np.eye(3),), "where .* is needed"),
         (nameless, (np.ones(3), np.ones(3)), "size is not known"),
