@@ -60,11 +60,12 @@ class Numbers(Body):
         if isinstance(number, bool | np.bool_):
             return Number(BOOLEAN, Code("true" if number else "false"), bool(number))
         if isinstance(number, int | np.integer):
-            text, kind, number = str(int(number)), INTEGER, int(number)
-        elif isinstance(number, float):
-            text, kind, number = self.unit.literal(number), REAL, float(number)
-        else:
-            raise Refused(f"a constant of type {type(number).__name__}")
+            return self._constant_of(INTEGER, str(int(number)), int(number))
+        if isinstance(number, float):
+            return self._constant_of(REAL, self.unit.literal(float(number)), float(number))
+        raise Refused(f"a constant of type {type(number).__name__}")
+
+    def _constant_of(self, kind: Scalar, text: str, number: float) -> Number:
         return Number(kind, Code(text, ATOM if number >= 0 else UNARY), number)
 
     def size(self, size: Size) -> Number:

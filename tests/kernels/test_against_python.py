@@ -10,7 +10,7 @@ from harpy_pin.kernels import kernel
 
 pytestmark = needs_compiler
 wholes = st.integers(-50, 50)
-SCALE = 2.5
+SCALE = np.float64(2.5)  # whose text is not that of a number
 
 
 @kernel
