@@ -77,10 +77,9 @@ class Assignments(Parts):
         self.stores = Counter(stored([source.tree]))
         super().__init__(unit, function, source, set(self.stores) | set(source.parameters))
         self.learnt = learnt
+        # what is known at each ``break`` and ``continue``, by the loops around
         self.jumps: list[list[dict[str, Value | None]]] = []
-        """What is known at each ``break`` and ``continue``, by the loops around."""
-        self.arguments: dict[str, Number] = {}
-        """Numbers that are arguments, and that the kernel changes."""
+        self.arguments: dict[str, Number] = {}  # numbers that the kernel changes
 
     def do_assign(self, statement: ast.Assign) -> None:
         """``target = value``, or ``target = other = value``."""
@@ -172,7 +171,7 @@ class Assignments(Parts):
             self.learnt.ranks[name] = value.type
             raise Wider
         value = self.cast(value, kind)
-        own = self._variable(name, self.unit.declare(kind, "{}"))
+        own = self.variable(name, self.unit.identifier(name), self.unit.declare(kind, "{}"))
         constant = value.constant if self.stores[name] == 1 else None
         return Number(kind, self.write(own, value.code), constant)
 
@@ -182,15 +181,13 @@ class Assignments(Parts):
             value = replace(value, type=self._fix_sizes(name, value.type))
             if value.is_null:
                 return value
-        own = self._variable(name, self.unit.declare(value.type, "{}"))
+        declared = self.unit.declare(value.type, "{}")
+        own = self.variable(name, self.unit.identifier(name), declared)
         code = self.write(own, value.address)
         roots, ways = self._all_memory(own.name, value)
         if isinstance(value, View):
             return View(value.type, code, None, roots, ways)
         return Record(value.type, code, True, roots, ways)
-
-    def _variable(self, name: str, declaration: str) -> Variable:
-        return self.variable(name, self.unit.identifier(name), declaration)
 
     def _all_memory(self, own: str, value: View | Record) -> tuple[frozenset[str], frozenset[str]]:
         """Roots and ways of all that a variable may stand for anywhere in the function."""

@@ -95,11 +95,9 @@ class Body:
         self.unit, self.function, self.reserved = unit, function, reserved
         self.taken: set[str] = set()
         self.variables: dict[str, Variable] = {}
-        self.work: list[str] = []
-        """Variables that are work space."""
+        self.work: list[str] = []  # variables that are work space
         self.path: list[Block] = [Block(Code(""))]
-        self.emitted = 0
-        """Lines so far."""
+        self.emitted = 0  # lines so far
 
     def emit(self, template: str, *parts: Code | int | str) -> None:
         """Add a line, with pieces in the place of ``{}``."""

@@ -40,8 +40,7 @@ class Expressions(NumpyFunctions):
         super().__init__(unit, function, set(map(unit.identifier, local)))
         self.source, self.local = source, local
         self.environment: dict[str, Value | None] = {}
-        self.effects = 0
-        """Calls so far that write memory."""
+        self.effects = 0  # calls so far that write memory
 
     def expression(self, node: ast.expr) -> Value:
         """Any expression."""

@@ -170,7 +170,7 @@ class Parts(Expressions):
         if self.unit.debug:
             name = self.unit.helper("within")
             code = c("{}({}, {}, {}, __LINE__)", name, begin.code, end.code, size)
-            begin = Number(INTEGER, code)
+            begin = Number(INTEGER, code, begin.constant)
         return begin, length
 
     def _length(self, node: ast.Slice, begin: Number, end: Number, size: Size) -> Size:

@@ -160,6 +160,17 @@ def test_what_is_written_is_read_before(a, m):
 
 
 @kernel
+def eliminated(a, i: int, k: int):
+    a[i, : i + 1] -= a[k, i] * a[k, : i + 1]
+
+
+def test_rows_from_one_index_on_are_apart():
+    """Also in C that checks every index, where the index is no constant."""
+    same(eliminated, np.arange(1.0, 10.0).reshape(3, 3), 2, 1)
+    assert "within(0, i + 1, a_columns" in eliminated.c_source(np.eye(3), 2, 1, debug=True)
+
+
+@kernel
 def product_into(a, b, out):
     out[:] = a @ b
 
