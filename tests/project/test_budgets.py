@@ -18,16 +18,16 @@ import harpy_pin
 ROOT = Path(__file__).resolve().parents[2]
 CONTRIB = "harpy_pin/contrib/"
 STATEMENTS = {
-    "harpy_pin": 25_200,
+    "harpy_pin": 25_550,
     CONTRIB: 3_700,
     "reproduction": 2_100,
-    "comparison": 7_500,
+    "comparison": 6_850,
     "tests": 26_600,
 }
 """Most statements of the Python files that Git tracks in a folder; ``harpy_pin`` is without
 contrib.
 """
-LONGEST_FILE = 400
+LONGEST_FILE = 350
 """Most statements of a file."""
 MOST_PUBLIC_NAMES = 71
 MOST_WORDS = 20_300
