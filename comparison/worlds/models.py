@@ -77,8 +77,8 @@ JOINTS = ("armature", "damping", "friction")
 
 
 @cache
-def _world(name: str, feet: tuple[str, ...]) -> tuple[Any, Robot]:
-    """Model and robot of :func:`world`."""
+def _world(name: str, feet: tuple[str, ...]) -> tuple[Any, Robot, Any]:
+    """Model and robot of :func:`world`, and the ``mujoco.MjSpec``."""
     mujoco = import_mujoco()
     file = Path(name)
     if name in SCENES:
@@ -112,7 +112,7 @@ def _world(name: str, feet: tuple[str, ...]) -> tuple[Any, Robot]:
             bodies = [geom.parent.name if (geom := spec.geom(name)) else name for name in pair]
             spec.add_exclude(bodyname1=bodies[0], bodyname2=bodies[1])
         model = spec.compile()
-    return model, robot
+    return model, robot, spec
 
 
 def world(name: str, feet: Sequence[str] = FEET) -> tuple[Any, Robot]:
@@ -127,8 +127,18 @@ def world(name: str, feet: Sequence[str] = FEET) -> tuple[Any, Robot]:
             height zero.
         feet: frames of the feet in such a file.
     """
-    model, robot = _world(name, FEET if name in ROBOTS else () if name in SCENES else tuple(feet))
+    model, robot, _ = _world(name, _feet(name, feet))
     return copy.copy(model), robot
+
+
+def world_spec(name: str, feet: Sequence[str] = FEET) -> tuple[Any, Robot]:
+    """The ``mujoco.MjSpec`` of the same model, and the robot."""
+    _, robot, spec = _world(name, _feet(name, feet))
+    return spec, robot
+
+
+def _feet(name: str, feet: Sequence[str]) -> tuple[str, ...]:
+    return FEET if name in ROBOTS else () if name in SCENES else tuple(feet)
 
 
 def knowing(robot: Robot, known: Sequence[str]) -> Robot:

@@ -14,6 +14,7 @@ import numpy as np
 
 from comparison.joint_pd.controller import JointPD, JointPDGains, found_gains
 from comparison.peers.environment import default_folder
+from comparison.worlds.hung import identified
 from comparison.worlds.models import JOINTS, knowing, strip, world
 from comparison.worlds.policy import PERIOD, Policy
 from harpy_pin import (
@@ -84,6 +85,7 @@ class Contender:
     contact_damping: float | None = None  # of the WBCs, 1/s; None for the gait's
     round: bool = True  # whether it is told that feet are spheres: the ground is one radius lower
     estimate: bool = False  # whether it estimates the friction in the joints
+    identified: bool = False  # whether it knows of the joints what a log of the hung-up robot says
     sensed: bool = (
         False  # whether it knows only what an inertial unit, encoders and motor torques say
     )
@@ -96,6 +98,7 @@ WALKERS = {
     "joint PD, joints known": Contender(controller="joint_pd", known=JOINTS),
     "torque alone": Contender(),
     "joints known": Contender(known=JOINTS),
+    "joints identified": Contender(known=JOINTS, identified=True),
     "motor law": Contender(**_LAW),
     "motor law, joints known": Contender(known=JOINTS, **_LAW),
     "QP, torque alone": Contender(controller="wbc"),
@@ -396,6 +399,7 @@ def walked(job: dict[str, Any]) -> dict[str, Any]:
     who = WALKERS[job["who"]] if isinstance(job["who"], str) else Contender(**job["who"])
     mujoco = import_mujoco()
     model, robot = world(job["world"], job["feet"])
+    robot = identified(job["world"], tuple(job["feet"])) if who.identified else robot
     model.geom_friction[:, 0] = job["friction"]
     model.pair_friction[:, :2] = job["friction"]
     if job.get("kept") is not None:

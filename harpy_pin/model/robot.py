@@ -26,6 +26,7 @@ from harpy_pin.model.catalogue import (
     known_name,
 )
 from harpy_pin.model.flat_foot import FlatFoot, add_flat_feet
+from harpy_pin.model.known_joints import KnownJoints, read_joints
 from harpy_pin.model.mjcf import (
     Description,
     compile_mjcf,
@@ -188,6 +189,7 @@ class Robot:
     @checked
     def with_joints(
         self,
+        found: KnownJoints | None = None,
         *,
         armature: ArrayLike | None = None,
         damping: ArrayLike | None = None,
@@ -199,6 +201,8 @@ class Robot:
         Plants have these joints, and the whole-body controllers take them into account.
 
         Args:
+            found: what :func:`harpy_pin.contrib.identify.identify` has found; where it is NaN, the
+                model stays. What is given by name goes first.
             armature: inertia of the motors' rotors at the joints, kg·m².
             damping: viscous friction, N·m·s/rad.
             friction: dry friction, N·m.
@@ -207,16 +211,15 @@ class Robot:
             InputError: another length, or numbers that are not finite or negative.
         """
         base, changed = self.model.joints[1].nv, {}
-        for name, given in {
-            "armature": armature,
-            "damping": damping,
-            "upperDryFrictionLimit": friction,
-        }.items():
+        known = {} if found is None else found.of(self.joints)
+        for name, given in {"armature": armature, "damping": damping, "friction": friction}.items():
+            array = "upperDryFrictionLimit" if name == "friction" else name
+            before = getattr(self.model, array)
+            if given is None and name in known:
+                given = np.where(np.isnan(known[name]), before[base:], known[name])
             if given is not None:
-                values = checks.gains(
-                    name.replace("upperDryFrictionLimit", "friction"), given, len(self.joints)
-                )
-                changed[name] = np.concatenate((getattr(self.model, name)[:base], values))
+                values = checks.gains(name, given, len(self.joints))
+                changed[array] = np.concatenate((before[:base], values))
         return self.with_arrays(changed)
 
     def with_mujoco(self, model: Any, *, prefix: str = "") -> Robot:
@@ -316,6 +319,7 @@ def load_robot(
     thrust_limit: float = np.inf,
     rotors: Sequence[Rotor] | None = None,
     posture: ArrayLike | None = None,
+    joints: str | Path | None = None,
 ) -> Robot:
     """Any floating-base robot, with point feet, flat ones or none, and with thrusters or rotors.
 
@@ -336,6 +340,8 @@ def load_robot(
         rotors: thrusters with a fixed axis.
         posture: (joints,) angles in which it stands, rad; those of the file or the catalogue by
             default. Where there are none, gaits find one (:func:`harpy_pin.model.ik.find_posture`).
+        joints: file of ``harpy identify`` with their armature, damping and dry friction, see
+            :meth:`Robot.with_joints`.
 
     A joint whose effort is zero in the file has no known one: it is warned of, and has no limit.
 
@@ -402,17 +408,15 @@ def load_robot(
     if posture is not None:
         angles = checks.vector("posture", posture, model.nq - 7)
     limits = np.array(model.effortLimit)
-    joints = list(zip(model.names, model.joints, model.inertias, strict=True))[1:]
-    unknown = [name for name, joint, _ in joints[1:] if limits[joint.idx_v] == 0.0]
+    parts = list(zip(model.names, model.joints, model.inertias, strict=True))[1:]
+    unknown = [name for name, joint, _ in parts[1:] if limits[joint.idx_v] == 0.0]
     _warn(path, "of effort 0, taken as without a limit", unknown)
     if not listed:
-        no_inertia = [
-            name for name, _, body in joints if body.mass > 0.0 and not body.inertia.any()
-        ]
+        no_inertia = [name for name, _, body in parts if body.mass > 0.0 and not body.inertia.any()]
         _warn(path, "whose body has a mass, no inertia", no_inertia)
     limits[6:][limits[6:] == 0.0] = np.inf
     model.effortLimit = limits
-    return Robot(
+    robot = Robot(
         model,
         path,
         points,
@@ -426,6 +430,7 @@ def load_robot(
         source=deepcopy({name: value for name, value in told.items() if value is not None}),
         foot_radius=tuple(read.radii.get(name, 0.0) for name in points),
     )
+    return robot if joints is None else robot.with_joints(read_joints(joints))
 
 
 def _warn(path: Path | None, what: str, joints: Sequence[str]) -> None:

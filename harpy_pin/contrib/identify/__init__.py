@@ -1,0 +1,11 @@
+"""Joints known from a log: armature, damping, dry friction, bias, delay, and the scale of the torques.
+
+Guide: the page *Joints from a log*. The torque that a rigid model needs for the logged motion is compared with the
+logged one (:mod:`~harpy_pin.contrib.identify.regression`).
+"""
+
+from harpy_pin.contrib.identify.excitation import Excitation, excitation
+from harpy_pin.contrib.identify.identify import identify
+from harpy_pin.contrib.identify.joints import Joints
+
+__all__ = ["Excitation", "Joints", "excitation", "identify"]
