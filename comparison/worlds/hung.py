@@ -157,7 +157,9 @@ def replayed(model: Any, trials: Sequence[Hidden], plan: Excitation, rows: int) 
         controls.append((1.0 - share) * sent[before, joint] + share * sent[after, joint])
     models = [with_hidden(model, trial, plan.k_p, plan.k_d) for trial in trials]
     state, _ = rollout.rollout(models, data, start[None], np.array(controls))
-    states = np.concatenate((np.tile(start, (len(trials), 1, 1)), state[:, every - 1 : -1 : every]), 1)
+    states = np.concatenate(
+        (np.tile(start, (len(trials), 1, 1)), state[:, every - 1 : -1 : every]), 1
+    )
     return np.asarray(states[:, :, 1 + place])
 
 

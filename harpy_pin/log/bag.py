@@ -30,8 +30,10 @@ TURNS = 4.0 * np.pi
 """Angle that no joint of a leg has, rad."""
 BEGIN = 100
 """Samples whose mean acceleration is compared with gravity at the start."""
-KINDS = ("JointState", "Imu", "Odometry")
-"""Types of the messages that are read of an MCAP."""
+KINDS = ("JointState", "Imu", "Odometry", "LowState", "LowCmd")
+"""Types of the messages that are read of an MCAP; the last two are Unitree's."""
+UNITREE_LEGS = ("FR_", "FL_", "RR_", "RL_")
+"""Order of the legs in Unitree's messages; joints of other names are in the robot's order."""
 Signals = dict[str, Vector]
 
 
@@ -45,7 +47,8 @@ def read_log(path: str | Path, robot: Robot) -> Signals:
     ``joint_position/FL_hip_joint`` or ``joint_position/0``, as :meth:`Run.to_csv` names them. An
     MCAP (extra ``mcap``) has messages like ``sensor_msgs/JointState``, ``Imu`` and
     ``nav_msgs/Odometry``, of ROS 2 or in JSON, on any topics; the inertial unit's are interpolated
-    to the times of the joints.
+    to the times of the joints. Or it has Unitree's ``LowState``, with targets and gains of the
+    motors (:class:`harpy_pin.Command`) where it has ``LowCmd``, too.
 
     Args:
         path: of the file; its ending says which.
@@ -55,16 +58,25 @@ def read_log(path: str | Path, robot: Robot) -> Signals:
         InputError: the file cannot be read, or something in it is missing or in another unit; the
             message says what.
     """
+    return _checked(read_signals(path, robot), robot)
+
+
+@checked
+def read_signals(path: str | Path, robot: Robot) -> Signals:
+    """All signals of a log as :func:`read_log` finds them, before anything is asked of them.
+
+    Raises:
+        InputError: the file cannot be read; the message says why.
+    """
     source = checks.path("path", path)
     readers = {".csv": _read_csv, ".npz": _read_npz, ".mcap": _read_mcap}
     checks.one_of("ending of the log's name", source.suffix.lower(), readers)
     try:
-        found = readers[source.suffix.lower()](source, robot)
+        return readers[source.suffix.lower()](source, robot)
     except (OSError, ValueError, KeyError, StopIteration) as error:
         if isinstance(error, InputError):
             raise
         raise InputError(f"cannot read '{source}': {error}", name="path", value=source) from error
-    return _checked(found, robot)
 
 
 def _read_npz(path: Path, robot: Robot) -> Signals:
@@ -119,6 +131,8 @@ def _read_mcap(path: Path, robot: Robot) -> Signals:
             f"mcap cannot be imported ({error}): {install_line('mcap')}", name="mcap"
         ) from error
     joints, inertial, truth = list[Any](), list[Any](), list[Any]()
+    states, commands = list[Any](), list[Any]()
+    motors = _unitree_order(robot)
     with path.open("rb") as file:
         decoders: list[Any] = [_Json(), DecoderFactory()]
         reader = make_reader(file, decoder_factories=decoders)
@@ -148,6 +162,16 @@ def _read_mcap(path: Path, robot: Robot) -> Signals:
                 truth.append(
                     (t, [*_xyz(pose.position), *turn], [*_xyz(twist.linear), *_xyz(twist.angular)])
                 )
+            elif kind == "LowState":
+                unit, motor = content.imu_state, [content.motor_state[k] for k in motors]
+                angles = [[getattr(m, part) for m in motor] for part in ("q", "dq", "tau_est")]
+                states.append((t, 1e-3 * content.tick, unit.gyroscope, unit.accelerometer, *angles))
+            elif kind == "LowCmd":
+                motor = [content.motor_cmd[k] for k in motors]
+                parts = ("q", "dq", "tau", "kp", "kd")
+                commands.append((t, *([getattr(m, part) for m in motor] for part in parts)))
+    if states:
+        return _of_unitree(states, commands)
     found: Signals = {}
     if joints:
         t, *legs = (np.array(column, float) for column in zip(*joints, strict=True))
@@ -169,6 +193,29 @@ def _read_mcap(path: Path, robot: Robot) -> Signals:
             [found["v"], found.get("joint_velocity", 0.0 * found["joint_position"])]
         )
     return found
+
+
+def _unitree_order(robot: Robot) -> list[int]:
+    """Place of each joint in Unitree's messages."""
+    legs = {leg: place for place, leg in enumerate(UNITREE_LEGS)}
+    order = sorted(robot.joints, key=lambda name: legs.get(name[:3], len(legs)))
+    return [order.index(joint) for joint in robot.joints]
+
+
+def _of_unitree(states: list[Any], commands: list[Any]) -> Signals:
+    """Signals of Unitree's messages. Times are those of the robot's own clock; a command holds
+    until the next one.
+    """
+    names = ("t", "gyroscope", "accelerometer", "joint_position", "joint_velocity", "joint_torque")
+    received, *columns = (np.array(column, float) for column in zip(*states, strict=True))
+    found = dict(zip(names, columns, strict=True))
+    new = np.flatnonzero(np.diff(np.maximum.accumulate(found["t"]), prepend=-np.inf) > 0.0)
+    if commands:
+        sent, *parts = (np.array(column, float) for column in zip(*commands, strict=True))
+        last = np.maximum(np.searchsorted(sent, received, side="right") - 1, 0)
+        for name, part in zip(("target_q", "target_v", "torque", "k_p", "k_d"), parts, strict=True):
+            found[name] = part[last]
+    return {name: values[new] for name, values in found.items()}
 
 
 def _xyz(vector: Any) -> list[float]:

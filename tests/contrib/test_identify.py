@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 import json
-from types import SimpleNamespace
 
 import numpy as np
 import pinocchio as pin
 import pytest
 
 import harpy_pin as hp
-from comparison.worlds.hung import PERIOD, Hidden, hidden, logged, loose
+from comparison.worlds.hung import PERIOD, Hidden, hang, hidden, logged
 from harpy_pin.contrib.identify import equations, excitation, identify
-from harpy_pin.contrib.identify.signals import Half
+from harpy_pin.contrib.identify.signals import Half, Samples
 from harpy_pin.errors import InputError, RobotError
+from harpy_pin.model.known_joints import KnownJoints
 from harpy_pin.model.robot import harpy_urdf
 
 mujoco = pytest.importorskip("mujoco")
@@ -39,8 +39,8 @@ def truth(robot, plan) -> Hidden:
 @pytest.fixture(scope="module")
 def log(robot, plan, truth):
     """MuJoCo reads the URDF itself, with the base fixed to the world."""
-    model = loose(mujoco.MjModel.from_xml_path(str(harpy_urdf())))
-    return logged(model, robot, truth, plan, np.random.default_rng(4))
+    model = hang(mujoco.MjSpec.from_file(str(harpy_urdf())), robot)
+    return logged(model, truth, plan, np.random.default_rng(4))
 
 
 @pytest.fixture
@@ -62,10 +62,8 @@ def test_joints_are_found(robot, log, truth):
 
 
 def test_commands_and_gains_alone(robot, plan, truth):
-    model = loose(mujoco.MjModel.from_xml_path(str(harpy_urdf())))
-    found = identify(
-        robot, logged(model, robot, truth, plan, np.random.default_rng(5), law=True)
-    )
+    model = hang(mujoco.MjSpec.from_file(str(harpy_urdf())), robot)
+    found = identify(robot, logged(model, truth, plan, np.random.default_rng(5), law=True))
     for name in NUMBERS:
         known = found.excited[name]
         assert getattr(found, name)[known] == pytest.approx(getattr(truth, name)[known], rel=0.1)
@@ -138,9 +136,7 @@ def test_found_joints_go_into_the_robot(robot, log, tmp_path):
     with pytest.raises(RobotError, match="no joints in"):
         hp.load_robot(harpy_urdf(), feet=robot.feet, joints=tmp_path / "bad.json")
     with pytest.raises(InputError, match="another robot"):
-        hp.load_robot(harpy_urdf(), feet=()).with_joints(
-            SimpleNamespace(names=("a",), armature=[0.1], damping=[0.1], friction=[0.1])
-        )
+        hp.load_robot(harpy_urdf(), feet=()).with_joints(KnownJoints(("a",), *np.full((3, 1), 0.1)))
 
 
 def test_what_is_missing_is_said(robot, log):
@@ -173,19 +169,10 @@ def test_forces_of_feet_drop_out(robot):
     a[:6] += np.linalg.solve(inertia, (pushed - pin.rnea(model, data, q, v, a))[:6])
     rest = pin.rnea(model, data, q, v, a) - pushed
     assert rest[:6] == pytest.approx(0.0, abs=1e-9)
-    half = Half(
-        q[None, 7:],
-        v[None, 6:],
-        a[None, 6:],
-        None,
-        None,
-        None,
-        (q[None, :7], v[None, :6], a[None, :6]),
-    )
-    piece = type(
-        "Piece", (), {"t": np.zeros(1), "halves": (half, half), "cut": np.zeros((1, 6), bool)}
-    )()
-    piece.stance, piece.steady = np.ones((1, 2), bool), np.ones(1, bool)
-    rows = equations.standing_rows(robot, [piece])
+    none, on = np.zeros((1, 6)), np.ones((1, 2), bool)
+    base = q[None, :7], v[None, :6], a[None, :6]
+    half = Half(np.zeros(1), q[None, 7:], v[None, 6:], a[None, 6:], none, none, base, ())
+    samples = Samples(half.t, (half, half), none > 0.0, none > 0.0, on, np.ones(1, bool))
+    rows = equations.standing_rows(robot, samples)
     assert rows.select @ rest[6:] == pytest.approx(rows.known[0], abs=1e-9)
     assert rows.payload.shape == (2, len(rows.sample), 4)

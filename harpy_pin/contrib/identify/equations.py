@@ -16,12 +16,15 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from harpy_pin.contrib.identify.signals import Half, Piece
+from harpy_pin.contrib.identify.signals import Half, Samples
+from harpy_pin.errors import InputError
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
 
 PAYLOAD = 4
-"""Mass, and mass times place, of what is on the base: the first numbers of Pinocchio's regressor of a body."""
+"""Mass, and mass times place, of what is on the base: the first numbers of Pinocchio's regressor of
+a body.
+"""
 REACHED = 1e-6
 """Singular value, as a share of the largest, from which on a force reaches a direction."""
 
@@ -32,7 +35,7 @@ class Rows:
 
     Attributes:
         joints: their numbers.
-        sample: (rows,) sample of each row, counted over all pieces.
+        sample: (rows,) sample of each row, from the first one on.
         select: (rows, len(joints)) share of each joint's torque in the row.
         known: (2, rows) what the rigid model needs, N·m or N.
         payload: (2, rows, 4) the same of a payload of 1 kg, and of 1 kg·m; or of no column.
@@ -55,78 +58,63 @@ def rigid(robot: Robot) -> pin.Model:
 
 def states(model: pin.Model, half: Half) -> Iterator[tuple[Vector, Vector, Vector]]:
     """Configurations, velocities and accelerations of a half's samples."""
-    pose = np.tile(pin.neutral(model)[:7], (len(half.q), 1))
-    still = np.zeros((len(half.q), 6))
-    parts = zip(
-        (pose, still, still) if half.base is None else half.base,
-        (half.q, half.v, half.a),
-        strict=True,
-    )
-    yield from zip(*(np.concatenate(pair, axis=1) for pair in parts), strict=True)
+    held = np.tile(pin.neutral(model)[:7], (len(half.q), 1)), *2 * [np.zeros((len(half.q), 6))]
+    base = half.base if half.base[0].size else held
+    both = zip(base, (half.q, half.v, half.a), strict=True)
+    yield from zip(*(np.concatenate(pair, axis=1) for pair in both), strict=True)
 
 
-def hung_rows(robot: Robot, pieces: list[Piece]) -> list[Rows]:
+def hung_rows(robot: Robot, samples: Samples) -> list[Rows]:
     """The equations of each joint of a robot whose base is held."""
     model = rigid(robot)
     data = model.createData()
-    both = [
-        np.array(
-            [
-                pin.rnea(model, data, *state)
-                for piece in pieces
-                for state in states(model, piece.halves[h])
-            ]
-        )
-        for h in (0, 1)
-    ]
-    known = np.array(both)[:, :, 6:]
-    kept = [
-        np.flatnonzero(~np.concatenate([p.cut[:, j] | p.still[:, j] for p in pieces]))
-        for j in range(known.shape[2])
-    ]
+    known = np.array(
+        [
+            [pin.rnea(model, data, *state)[6:] for state in states(model, half)]
+            for half in samples.halves
+        ]
+    )
+    kept = [np.flatnonzero(one) for one in ~(samples.cut | samples.still).T]
     none = np.zeros((2, known.shape[1], 0))
     return [
         Rows([j], k, np.ones((len(k), 1)), known[:, k, j], none[:, k]) for j, k in enumerate(kept)
     ]
 
 
-def standing_rows(robot: Robot, pieces: list[Piece]) -> Rows:
-    """The equations of all joints of a robot on its feet."""
-    model, first = rigid(robot), 0
-    data, frames, parts = model.createData(), [robot.frame_id(name) for name in robot.feet], []
-    for piece in pieces:
-        usable = piece.steady & piece.stance.any(axis=1) & ~piece.cut.any(axis=1)
-        for k, *both in zip(
-            range(len(piece.t)), *(states(model, half) for half in piece.halves), strict=True
-        ):
-            if not usable[k]:
-                continue
-            pin.computeJointJacobians(model, data, both[0][0])
-            pin.updateFramePlacements(model, data)
-            on = np.flatnonzero(piece.stance[k])
-            jacobian = np.concatenate(
-                [pin.getFrameJacobian(model, data, frames[i], pin.LOCAL)[:3] for i in on]
-            )
-            basis = unreached(jacobian).T
-            known = np.array([basis @ pin.rnea(model, data, *state) for state in both])
-            regressors = [
-                pin.computeJointTorqueRegressor(model, data, *state)[:, :PAYLOAD] for state in both
-            ]
-            parts.append(
-                (
-                    np.full(len(basis), first + k),
-                    basis[:, 6:],
-                    known.T,
-                    (basis @ regressors).swapaxes(0, 1),
-                )
-            )
-        first += len(piece.t)
+def standing_rows(robot: Robot, samples: Samples) -> Rows:
+    """The equations of all joints of a robot on its feet.
+
+    Raises:
+        InputError: it never stands long enough.
+    """
+    model = rigid(robot)
+    data, frames = model.createData(), [robot.frame_id(name) for name in robot.feet]
+    usable = samples.steady & samples.stance.any(axis=1) & ~samples.cut.any(axis=1)
+    if not usable.any():
+        raise InputError("no foot ever stands without a torque at its limit", name="stance")
+    parts = []
+    for k, both in enumerate(zip(*(states(model, half) for half in samples.halves), strict=True)):
+        if not usable[k]:
+            continue
+        pin.computeJointJacobians(model, data, both[0][0])
+        pin.updateFramePlacements(model, data)
+        stance = [frames[i] for i in np.flatnonzero(samples.stance[k])]
+        jacobians = [pin.getFrameJacobian(model, data, i, pin.LOCAL)[:3] for i in stance]
+        basis = unreached(np.concatenate(jacobians)).T
+        known = np.array([basis @ pin.rnea(model, data, *state) for state in both])
+        regressors = np.array(
+            [pin.computeJointTorqueRegressor(model, data, *state)[:, :PAYLOAD] for state in both]
+        )
+        payload = (basis @ regressors).swapaxes(0, 1)
+        parts.append((np.full(len(basis), k), basis[:, 6:], known.T, payload))
     sample, select, right, payload = (np.concatenate(column) for column in zip(*parts, strict=True))
     return Rows(list(range(len(robot.joints))), sample, select, right.T, payload.swapaxes(0, 1))
 
 
 def unreached(jacobian: Vector) -> Vector:
-    """(nv, m) an orthonormal basis of the directions that forces with the Jacobian (forces, nv) do not reach."""
+    """(nv, m) an orthonormal basis of the directions that forces with the Jacobian (forces, nv) do
+    not reach.
+    """
     _, size, directions = np.linalg.svd(jacobian)
     rank = int(np.sum(size > REACHED * size[0]))
     return np.asarray(directions[rank:].T)

@@ -1,4 +1,6 @@
-"""A motion that makes joints observable: sums of sines about a posture, for a robot that hangs by its base."""
+"""A motion that makes joints observable: sums of sines about a posture, for a robot that hangs by
+its base.
+"""
 
 from __future__ import annotations
 
@@ -17,11 +19,14 @@ from harpy_pin.model.state import Command, Vector
 FUNDAMENTAL = 0.1
 """Frequency of which all others are multiples, Hz: the motion repeats after 1 / FUNDAMENTAL."""
 BANDS = ((0.1, 0.4), (0.4, 1.0), (1.0, 2.0), (2.0, 3.0), (3.0, 4.0))
-"""Of each joint's sines, one in each, Hz: slow ones for the torque's scale, fast ones for inertia and delay."""
+"""Of each joint's sines, one in each, Hz: slow ones for the torque's scale, fast ones for inertia
+and delay.
+"""
 TRIES = 20
 """Motions that are drawn, of which the best conditioned one is taken."""
 REACH, RANGE = 0.8, 0.35
-"""Way from the posture: at most this share of that to the nearer end of a joint, and so far, rad."""
+"""Way from the posture: at most this share of that to the nearer end of a joint, and so far, rad.
+"""
 FASTEST = 8.0
 """Largest velocity, rad/s."""
 EFFORT = 0.4
@@ -31,8 +36,9 @@ ENDLESS = 1e3
 STIFFNESS, DAMPING = 1.5, 0.03
 """Of the motors: peak torques per rad, and s of the stiffness."""
 ROTOR, CROSSING = 1e-4, 60.0
-"""Armature that a motor has at least, kg·m² per N·m of its peak torque; largest damping over a joint's inertia, 1/s:
-with more, a delay of some milliseconds makes the loop unstable."""
+"""Armature that a motor has at least, kg·m² per N·m of its peak torque; largest damping over a
+joint's inertia, 1/s: with more, a delay of some milliseconds makes the loop unstable.
+"""
 RAMP = 1.0
 """In which the motion begins and ends, s."""
 
@@ -70,11 +76,12 @@ class Excitation:
 def excitation(
     robot: Robot, *, duration: float = 60.0, period: float = 2e-3, seed: int = 0
 ) -> Excitation:
-    """A motion about the standing posture that makes the joints observable, for a robot that hangs by its base.
+    """A motion about the standing posture that makes the joints observable, for a robot that hangs
+    by its base.
 
-    All joints move at once, each by sines of frequencies of its own, within its ends and torques. Of some random
-    motions that one is taken whose worst joint has the best conditioned regressor. Watch it before a robot moves:
-    whether links touch is not checked.
+    All joints move at once, each by sines of frequencies of its own, within its ends and torques.
+    Of some random motions that one is taken whose worst joint has the best conditioned regressor.
+    Watch it before a robot moves: whether links touch is not checked.
 
     Args:
         robot: whose posture, limits and masses count.
@@ -136,7 +143,9 @@ class _Series:
 
 
 def needed(robot: Robot, q: Vector, v: Vector, a: Vector) -> Vector:
-    """(n, joints) torques of the rigid model that hangs by its base, N·m, for (n, joints) joint motions."""
+    """(n, joints) torques of the rigid model that hangs by its base, N·m, for (n, joints) joint
+    motions.
+    """
     model, still = rigid(robot), np.zeros(6)
     data, pose = model.createData(), pin.neutral(model)[:7]
     rows = zip(q, v, a, strict=True)

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from harpy_pin.contrib.identify.regression import NUMBERS
 from harpy_pin.files import write_json
+from harpy_pin.model.known_joints import KnownJoints
 from harpy_pin.model.state import Vector
 
 SHOWN = 5.0
@@ -19,13 +20,13 @@ SHOWN = 5.0
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Joints:
+class Joints(KnownJoints):
     """What a log says of joints: the torque at a joint is
 
         torque_scale · τ(t − delay) + bias − armature · a − damping · v − friction · sign(v),
 
-    with τ what the log has as torque. A number is NaN where the log does not say it: its standard error is more than
-    half of it. Only ``excited`` ones are known well.
+    with τ what the log has as torque. A number is NaN where the log does not say it: its standard
+    error is more than half of it. Only ``excited`` ones are known well.
 
     Attributes:
         names: of the joints.
@@ -34,24 +35,22 @@ class Joints:
         armature: (joints,) kg·m².
         damping: (joints,) N·m·s/rad.
         friction: (joints,) dry friction, N·m.
-        delay: (joints,) of torques, or of the motors' targets, behind positions, s. A command that is held for a
-            period comes half a period later.
+        delay: (joints,) of torques, or of the motors' targets, behind positions, s. A command that
+            is held for a period comes half a period later.
         error: standard errors of each, (joints,) by these names.
-        excited: (joints,) by these names, whether the log excites a number enough to know it within a tenth.
+        excited: (joints,) by these names, whether the log excites a number enough to know it within
+            a tenth.
         left: (joints,) rms of the torque that is not explained, as a share of the log's.
-        payload: (4,) mass on the base, kg, and mass times place in the base's axes, kg·m, beyond the model's; None
-            for a robot that hangs by its base, whose joints do not feel it.
+        payload: (4,) mass on the base, kg, and mass times place in the base's axes, kg·m, beyond
+            the model's; None for a robot that hangs by its base, whose joints do not feel it.
         payload_error: (4,) standard errors of it.
         status: what is wrong with the log, a line each; empty where nothing is.
-        rows: times, s, torques of the log, and what these numbers predict, N·m, of each joint of a robot that hangs.
+        rows: times, s, torques of the log, and what these numbers predict, N·m, of each joint of a
+            robot that hangs.
     """
 
-    names: tuple[str, ...]
     torque_scale: Vector
     bias: Vector
-    armature: Vector
-    damping: Vector
-    friction: Vector
     delay: Vector
     error: Mapping[str, Vector]
     excited: Mapping[str, NDArray[np.bool_]]
@@ -62,7 +61,8 @@ class Joints:
     rows: tuple[tuple[Vector, Vector, Vector], ...] = field(default=())
 
     def __repr__(self) -> str:
-        return f"Joints({len(self.names)} joints, {'; '.join(self.status) or 'nothing wrong with the log'})"
+        said = "; ".join(self.status) or "nothing wrong with the log"
+        return f"Joints({len(self.names)} joints, {said})"
 
     def as_dict(self) -> dict[str, Any]:
         """For JSON: null for what is not known."""
@@ -93,7 +93,8 @@ class Joints:
         write_json(path, self.as_dict())
 
     def figure(self) -> Any:
-        """Torques of the log beside what the numbers predict, a panel a joint; of a robot that hangs.
+        """Torques of the log beside what the numbers predict, a panel a joint; of a robot that
+        hangs.
 
         A ``matplotlib.figure.Figure``.
         """

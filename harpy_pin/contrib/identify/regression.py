@@ -4,29 +4,31 @@ The torque τ that the motor of a hanging robot's joint reports is
 
     τ(t − d) = (known + I a + D v + F s − b) / k,
 
-with ``known`` what the rigid model needs. It is linear in 1 / k, I / k and so on, but not in the delay d. On its feet a
-robot has rows with shares e_j of several joints, whose scales k are taken as one, and with a payload:
+with ``known`` what the rigid model needs. It is linear in 1 / k, I / k and so on, but not in the
+delay d. On its feet a robot has rows with shares e_j of several joints, whose scales k are taken as
+one, and with a payload:
 
     Σ_j e_j τ_j(t − d_j) = known + payload · p + Σ_j e_j (I_j a_j + D_j v_j + F_j s_j − b_j).
 
-A line search finds the delay first, one for all joints of the rows; steps of Gauss and Newton then find each joint's.
+A line search finds the delay first, one for all joints of the rows; steps of Gauss and Newton then
+find each joint's.
 
-Least squares would be biased: noise of encoders is in the accelerations, and in the torques that answer to it. The two
-halves A₁ and A₂ of the log (:mod:`harpy_pin.contrib.identify.signals`) have independent noise, so each is the other's
-instrument: (A₁ᵀ W A₂ + A₂ᵀ W A₁) x = A₁ᵀ W y₂ + A₂ᵀ W y₁. Weights W are Huber's. Standard errors are those of blocks of
-the log (the sandwich estimate), so that what is left may be correlated in time.
+Least squares would be biased: noise of encoders is in the accelerations, and in the torques that
+answer to it. The two halves A₁ and A₂ of the log (:mod:`harpy_pin.contrib.identify.signals`) have
+independent noise, so each is the other's instrument: (A₁ᵀ W A₂ + A₂ᵀ W A₁) x = A₁ᵀ W y₂ + A₂ᵀ W y₁.
+Weights W are Huber's. Standard errors are those of blocks of the log (the sandwich estimate), so
+that what is left may be correlated in time.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from harpy_pin.contrib.identify.equations import Rows
-from harpy_pin.contrib.identify.signals import Piece
+from harpy_pin.contrib.identify.signals import Samples
 from harpy_pin.model.state import Vector
 
 NUMBERS = ("torque_scale", "bias", "armature", "damping", "friction", "delay")
@@ -35,8 +37,9 @@ POSITIVE = ("armature", "damping", "friction")
 DELAYS = np.arange(-0.004, 0.0241, 0.002)
 """Where the line search looks, s."""
 STEPS, FIRST, SETTLED = 15, 4, 1e-6
-"""Of Gauss, Newton and the weights, at most; how many may pass negative numbers; and change of the delays at which
-they end, s."""
+"""Of Gauss, Newton and the weights, at most; how many may pass negative numbers; and change of the
+delays at which they end, s.
+"""
 HUBER = 1.345
 """Residual from which on its weight falls, in standard deviations."""
 BLOCK = 1.0
@@ -53,8 +56,10 @@ class Solution:
         values: (6 joints + payload,) in the order of :data:`NUMBERS`, joint after joint.
         error: standard errors of them; infinite for numbers that are not free.
         free: whether each is free: neither given, nor at zero because it came out negative.
-        negative: of what came out negative before, the rms of its part as a share of that of what is measured.
-        measured: (rows,) left side, the logged torques less what is known in rows of several joints, N·m or N.
+        negative: of what came out negative before, the rms of its part as a share of that of what
+            is measured.
+        measured: (rows,) left side, the logged torques less what is known in rows of several
+            joints, N·m or N.
         predicted: (rows,) the same by these numbers.
     """
 
@@ -66,48 +71,43 @@ class Solution:
     predicted: Vector
 
     @property
+    def size(self) -> float:
+        """Rms of what is measured, N·m or N; NaN of no row."""
+        return float(np.sqrt(np.mean(self.measured**2))) if len(self.measured) else np.nan
+
+    @property
     def left(self) -> float:
         """Rms of what is not explained over that of what is measured."""
-        return float(
-            np.sqrt(np.mean((self.measured - self.predicted) ** 2) / np.mean(self.measured**2))
-        )
+        rest = self.measured - self.predicted
+        return float(np.sqrt(np.mean(rest**2))) / self.size if len(rest) else np.nan
 
 
-def columns(pieces: list[Piece], rows: Rows, delay: Vector) -> tuple[Vector, Vector]:
+def columns(samples: Samples, rows: Rows, delay: Vector) -> tuple[Vector, Vector]:
     """(2, rows, 6 joints + payload) matrix and (2, rows) left side, for (len(joints),) delays.
 
     A delay's column is that of its change.
     """
     matrix, left, alone = [], [], len(rows.joints) == 1
-    for half in (0, 1):
-        parts, total = [], np.zeros(len(rows.sample)) if alone else -rows.known[half]
+    for half, known, payload in zip(samples.halves, rows.known, rows.payload, strict=True):
+        parts, total = [], np.zeros(len(known)) if alone else -known
         for k, j in enumerate(rows.joints):
             share = rows.select[:, k]
-            torque, rate = (
-                share * x[rows.sample]
-                for x in _joined(pieces, lambda p: p.torque(half, j, delay[k]))
-            )  # noqa: B023
-            motion = _joined(
-                pieces,
-                lambda p: [getattr(p.halves[half], name)[:, j] for name in ("a", "v", "sign")],
-            )  # noqa: B023
+            motion = half.a[:, j], half.v[:, j], half.sign[:, j]
+            torque, rate, *of_joint = (
+                share * x[rows.sample] for x in (*half.torque(j, delay[k]), *motion)
+            )
             total = total + torque
-            parts += [
-                rows.known[half] if alone else 0.0 * share,
-                -share,
-                *(share * x[rows.sample] for x in motion),
-                rate,
-            ]
-        matrix.append(np.hstack((np.array(parts).T, rows.payload[half])))
+            parts += [known if alone else 0.0 * share, -share, *of_joint, rate]
+        matrix.append(np.hstack((np.array(parts).T, payload)))
         left.append(total)
     return np.array(matrix), np.array(left)
 
 
-def solve(pieces: list[Piece], rows: Rows, given: Vector) -> Solution:
+def solve(samples: Samples, rows: Rows, given: Vector) -> Solution:
     """The numbers of these rows.
 
     Args:
-        pieces: of the log.
+        samples: of the log.
         rows: their equations.
         given: (6 joints + payload,) values of numbers that are not to be found; NaN for the others.
     """
@@ -121,7 +121,7 @@ def solve(pieces: list[Piece], rows: Rows, given: Vector) -> Solution:
         costs = []
         for delay in DELAYS:
             trial = np.where(late & free, delay, x)
-            matrix, left = columns(pieces, rows, trial[late])
+            matrix, left = columns(samples, rows, trial[late])
             matrix[:, :, late] = 0.0
             trial = _solved(matrix, left, weight, trial, free & ~late)
             costs.append(
@@ -131,7 +131,7 @@ def solve(pieces: list[Piece], rows: Rows, given: Vector) -> Solution:
     negative = np.zeros(len(x))
     for step in range(STEPS):
         before = np.where(late, x, 0.0)
-        matrix, left = columns(pieces, rows, x[late])
+        matrix, left = columns(samples, rows, x[late])
         x = _solved(matrix, left + matrix @ before, weight, x, free)
         below = np.isin(kind, POSITIVE) & (x * (x[0] if many == 1 else 1.0) < 0.0) & (step >= FIRST)
         effect = np.abs(x) * np.sqrt(np.mean(matrix[0] ** 2, axis=0) / np.mean(left**2))
@@ -147,7 +147,7 @@ def solve(pieces: list[Piece], rows: Rows, given: Vector) -> Solution:
         if step > FIRST and not below.any() and np.abs(x - before)[late].max() < SETTLED:
             break
     covariance = np.zeros((len(x), len(x)))
-    block = np.floor(np.concatenate([piece.t for piece in pieces])[rows.sample] / BLOCK)
+    block = np.floor(samples.t[rows.sample] / BLOCK)
     covariance[np.ix_(free, free)] = _covariance(matrix[:, :, free], weight, residual, block)
     predicted = (matrix @ (x - before)).mean(axis=0)
     if many == 1:  # from 1 / k, I / k, ... to k, I, ...
@@ -159,11 +159,6 @@ def solve(pieces: list[Piece], rows: Rows, given: Vector) -> Solution:
         x = np.where(scale, 1.0 / x[0], x * share)
     error = np.where(free, np.sqrt(np.diag(covariance)), np.inf)
     return Solution(x, error, free, negative, left.mean(axis=0), predicted)
-
-
-def _joined(pieces: list[Piece], signals: Callable[[Piece], Iterable[Vector]]) -> Iterable[Vector]:
-    """Signals of all pieces, one piece after the other."""
-    return [np.concatenate(parts) for parts in zip(*map(signals, pieces), strict=True)]
 
 
 def _cross(matrix: Vector, weight: Vector) -> tuple[Vector, Vector]:

@@ -1,4 +1,6 @@
-"""The commands ``harpy identify`` and ``harpy excite``: joints from a log, and the motion that such a log needs."""
+"""The commands ``harpy identify`` and ``harpy excite``: joints from a log, and the motion that such
+a log needs.
+"""
 
 from __future__ import annotations
 
