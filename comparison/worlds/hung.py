@@ -72,7 +72,7 @@ def hidden(robot: Robot, rng: np.random.Generator, largest: Vector) -> Hidden:
     n = len(robot.joints)
     return Hidden(
         **{
-            name: value * np.exp(rng.uniform(*np.log(FACTOR), n))
+            name: value * np.exp(rng.uniform(np.log(FACTOR[0]), np.log(FACTOR[1]), n))
             for name, value in typical(robot).items()
         },
         bias=BIAS * largest * rng.uniform(-1.0, 1.0, n),
@@ -178,9 +178,7 @@ def logged(
     """
     if law:
         q = replayed(model, [truth], plan, len(plan.t))[0]
-        log = {"torque": plan.torque, "target_q": plan.q, "target_v": plan.v}
-        log |= {name: np.tile(getattr(plan, name), (len(q), 1)) for name in ("k_p", "k_d")}
-        return {"t": plan.t, "q": q + ENCODER * rng.standard_normal(q.shape), **log}
+        return {**plan.signals(), "q": q + ENCODER * rng.standard_normal(q.shape)}
     mujoco = import_mujoco()
     joints = model.actuator_trnid[:, 0]
     place, column = model.jnt_qposadr[joints], model.jnt_dofadr[joints]

@@ -145,7 +145,8 @@ def knowing(robot: Robot, known: Sequence[str]) -> Robot:
     """A robot that knows only so much of its joints, of :data:`JOINTS`, as from a URDF; torque
     limits stay known.
     """
-    robot = robot.with_joints(**{name: 0.0 for name in JOINTS if name not in known})
+    ideal: dict[str, Any] = {name: 0.0 for name in JOINTS if name not in known}
+    robot = robot.with_joints(**ideal)
     if "armature" not in known:  # of a floating base
         robot.model.armature = np.zeros(robot.model.nv)
     return robot

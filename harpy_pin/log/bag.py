@@ -168,8 +168,10 @@ def _read_mcap(path: Path, robot: Robot) -> Signals:
                 states.append((t, 1e-3 * content.tick, unit.gyroscope, unit.accelerometer, *angles))
             elif kind == "LowCmd":
                 motor = [content.motor_cmd[k] for k in motors]
-                parts = ("q", "dq", "tau", "kp", "kd")
-                commands.append((t, *([getattr(m, part) for m in motor] for part in parts)))
+                sent = (
+                    [getattr(m, part) for m in motor] for part in ("q", "dq", "tau", "kp", "kd")
+                )
+                commands.append((t, *sent))
     if states:
         return _of_unitree(states, commands)
     found: Signals = {}

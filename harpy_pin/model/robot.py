@@ -244,10 +244,8 @@ class Robot:
         )
         model = in_effect(model)
         first = model.jnt_dofadr[free_joint(model, joints)]
-        robot, limit = (
-            self.with_joints(**known_joints(model, joints)),
-            np.array(self.model.effortLimit),
-        )
+        known: dict[str, Any] = known_joints(model, joints)
+        robot, limit = self.with_joints(**known), np.array(self.model.effortLimit)
         armature = np.concatenate(
             (model.dof_armature[first : first + base], robot.model.armature[base:])
         )

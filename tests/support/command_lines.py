@@ -27,6 +27,8 @@ WORK = (
     "harpy_pin.view.page.film.Film.__enter__",
     "harpy_pin.view.page.replay.show",
     "harpy_pin.contrib.live.drive.listen",
+    "harpy_pin.contrib.identify.excitation.excitation",
+    "harpy_pin.contrib.identify.identify.identify",
     "harpy_pin.kernels.library_files.clear",
     "harpy_pin.cli.compile._scenarios",
     "harpy_pin.export.export",

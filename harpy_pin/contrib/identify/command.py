@@ -9,29 +9,31 @@ from typing import Annotated, Any
 
 import numpy as np
 import typer
-from rich.table import Table
 
-import harpy_pin as hp
+from harpy_pin.cli import walk_options as options
 from harpy_pin.cli.output import console, say_next
-from harpy_pin.cli.walk_options import ROBOTS, FeetOption, read_robot_options
-from harpy_pin.errors import RunFileError, reason
 from harpy_pin.files import check_outputs, replacing
 
-RobotOption = Annotated[str, typer.Option("--robot", help=ROBOTS)]
+COLUMNS = {
+    "armature": ("armature", "kg·m²", 4),
+    "damping": ("damping", "N·m·s", 3),
+    "friction": ("friction", "N·m", 3),
+    "delay": ("delay", "ms", 2),
+    "torque_scale": ("scale", "", 3),
+    "bias": ("offset", "N·m", 3),
+}
+"""What is printed of each joint: heading, unit, and digits after the point."""
 
 
 def identify(
     log: Annotated[
-        Path,
-        typer.Argument(metavar="LOG.npz", help="Arrays t, q, torque; see docs/identification.md."),
+        Path, typer.Argument(metavar="LOG", help="t, q, torque: .csv, .npz or .mcap (extra: mcap).")
     ],
-    robot: RobotOption = "harpy",
-    feet: FeetOption = None,
+    robot: options.RobotOption = "go2",
+    feet: options.FeetOption = None,
     out: Annotated[
         Path | None,
-        typer.Option(
-            "--out", metavar="FILE.json", help="What was found, for load_robot(..., joints=)."
-        ),
+        typer.Option(metavar="FILE.json", help="What was found, for load_robot(..., joints=)."),
     ] = None,
     figure: Annotated[
         Path | None,
@@ -40,90 +42,82 @@ def identify(
 ) -> None:
     """Identify armature, damping, dry friction, bias and delay of each joint from a log.
 
-    A number in brackets is not known within a tenth, and a dash is not known at all.
+    The log has t, q (or joint_position) and torque (or joint_torque), or targets and gains of the
+    motors; docs/identification.md says all. A number in brackets is not known within a tenth; a
+    dash is not known at all.
 
     \b
     harpy excite --robot go2 --out motion.npz
     harpy identify log.npz --robot go2 --out go2_joints.json --figure torques.png
     """
     check_outputs({"--out": out, "--figure": figure}, inputs={"LOG": log})
-    known = _robot(robot, feet)
-    found = hp.identify(known, _read(log))
-    columns = {
-        "torque_scale": 1.0,
-        "bias": 1.0,
-        "armature": 1.0,
-        "damping": 1.0,
-        "friction": 1.0,
-        "delay": 1e3,
-    }
-    table = Table(
-        "joint",
-        "scale",
-        "bias N·m",
-        "armature kg·m²",
-        "damping N·m·s/rad",
-        "friction N·m",
-        "delay ms",
-    )
-    for k, name in enumerate(found.names):
-        cells = []
-        for number, unit in columns.items():
-            value = unit * float(getattr(found, number)[k])
-            text = f"{value:.3g}" if found.excited[number][k] else f"({value:.2g})"
-            cells.append("–" if np.isnan(value) else text)
-        table.add_row(name, *cells)
-    console.print(table)
+    from harpy_pin.contrib.identify.identify import identify as identified
+    from harpy_pin.log.bag import read_signals
+    from harpy_pin.model.source import loaded_robot
+
+    known = loaded_robot(options.read_robot_options(robot, feet, None))
+    found = identified(known, read_signals(log, known))
+    names = [joint.removesuffix("_joint") for joint in found.names]
+    wide = max(map(len, names)) + 2
+    for k in range(2):
+        headings = (f"{part[k]:>11}" for part in COLUMNS.values())
+        console.print(" " * wide, *headings, f"{('left', '%')[k]:>5}", sep="", soft_wrap=True)
+    for k, joint in enumerate(names):
+        line = f"{joint:<{wide}}"
+        for name, (*_, digits) in COLUMNS.items():
+            value = getattr(found, name)[k] * (1e3 if name == "delay" else 1.0)
+            text = f"{value:.{digits}f}" if found.excited[name][k] else f"({value:.{digits}f})"
+            line += f"{'–' if np.isnan(value) else text:>11}"
+        left = 100.0 * found.left[k]
+        console.print(f"{line}{'–' if np.isnan(left) else f'{left:.0f}':>5}", soft_wrap=True)
+    known = sum(int(found.excited[name].sum()) for name in COLUMNS)
+    many = len(COLUMNS) * len(found.names)
+    console.print(f"the log excites {known} of {many} numbers; (in brackets): not within a tenth")
     if found.payload is not None and found.payload_error is not None:
-        console.print(
-            f"on the base: {found.payload[0]:.2f} kg, standard error {found.payload_error[0]:.2f} kg"
-        )
+        mass, error = found.payload[0], found.payload_error[0]
+        console.print(f"on the base: {mass:.2f} kg, standard error {error:.2f} kg")
     for line in found.status:
         console.print(f"log: {line}", soft_wrap=True)
     if out is not None:
         found.save(out)
-        console.print(f"wrote {out}")
     if figure is not None:
         with replacing(figure) as file:
             found.figure().savefig(file, format=figure.suffix[1:].lower())
-        console.print(f"wrote {figure}")
     say_next(
-        f'hp.load_robot({robot!r}, joints="{out}")'
-        if out
-        else f"harpy identify {log} --robot {robot} --out joints.json"
+        f"harpy identify {log} --robot {robot} --out joints.json"
+        if out is None
+        else f'hp.load_robot({robot!r}, joints="{out}")'
     )
 
 
 def excite(
-    robot: RobotOption = "harpy",
-    feet: FeetOption = None,
+    robot: options.RobotOption = "go2",
+    feet: options.FeetOption = None,
     duration: Annotated[float, typer.Option(help="s.")] = 60.0,
     out: Annotated[
-        Path, typer.Option("--out", metavar="FILE.npz", help="Arrays t, q, v, torque, k_p, k_d.")
+        Path, typer.Option(metavar="FILE", help="Targets and gains, a row each tick: .npz or .csv.")
     ] = Path("motion.npz"),
 ) -> None:
-    """Write a motion that makes the joints of a robot observable that hangs by its base."""
+    """Write a motion for a hung-up robot that makes its joints observable.
+
+    Arrays t, target_q, target_v, torque (feedforward), k_p and k_d. With q as the encoders say it,
+    they are a log for harpy identify. Watch the first seconds: whether links touch is not checked.
+    """
     check_outputs({"--out": out})
-    plan = hp.excitation(_robot(robot, feet), duration=duration)
-    with replacing(out) as file:
-        np.savez(
-            file, **{name: getattr(plan, name) for name in ("t", "q", "v", "torque", "k_p", "k_d")}
-        )
-    console.print(f"wrote {out}: {len(plan.t)} rows, condition {plan.condition:.1f}")
-    say_next(f"harpy identify LOG.npz --robot {robot}")
-
-
-def _robot(name: str, feet: str | None) -> Any:
+    from harpy_pin.contrib.identify.excitation import excitation
     from harpy_pin.model.source import loaded_robot
 
-    return loaded_robot(read_robot_options(name, feet, None))
-
-
-def _read(path: Path) -> Any:
-    """A log of this library, or a file of plain arrays."""
-    try:
-        with np.load(path) as file:
-            arrays = {name: file[name] for name in file.files if file[name].dtype.kind in "fiu"}
-    except (OSError, ValueError) as error:
-        raise RunFileError(f"cannot read '{path}': {reason(error)}", path=path) from error
-    return arrays if "foot_position" not in arrays else hp.Run.load(path)
+    known = loaded_robot(options.read_robot_options(robot, feet, None))
+    plan = excitation(known, duration=duration)
+    sent: dict[str, Any] = plan.signals()
+    with replacing(out) as file:
+        if out.suffix == ".csv":
+            t, *rest = sent.items()
+            names = [f"{name}/{joint}" for name, _ in rest for joint in known.joints]
+            table = np.column_stack([column for _, column in (t, *rest)])
+            np.savetxt(file, table, "%.6g", ",", header=",".join(["t", *names]), comments="")
+        else:
+            np.savez(file, **sent)
+    console.print(f"{out}: {len(plan.t)} rows of {plan.t[1]:g} s, for {', '.join(known.joints)}")
+    console.print(f"condition of the regressor: {plan.condition:.1f}")
+    say_next(f"harpy identify LOG.npz --robot {robot}")

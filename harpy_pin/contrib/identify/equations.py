@@ -9,14 +9,13 @@ with J_c the Jacobian of the feet in contact: the columns of N are what their fo
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from harpy_pin.contrib.identify.signals import Half, Samples
+from harpy_pin.contrib.identify.signals import Samples
 from harpy_pin.errors import InputError
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
@@ -49,33 +48,29 @@ class Rows:
 
 
 def rigid(robot: Robot) -> pin.Model:
-    """The model with ideal joints: no armature, damping or dry friction."""
+    """The model with ideal joints: no armature, damping or dry friction.
+
+    Raises:
+        InputError: its joints have not one angle each.
+    """
     model = robot.model.copy()
+    if model.nq != len(robot.joints) + 7:
+        message = "only joints with one angle each can be identified, none that turns without end"
+        raise InputError(message, name="robot", value=robot)
     model.armature = model.damping = np.zeros(model.nv)
     model.upperDryFrictionLimit = model.lowerDryFrictionLimit = np.zeros(model.nv)
     return model
 
 
-def states(model: pin.Model, half: Half) -> Iterator[tuple[Vector, Vector, Vector]]:
-    """Configurations, velocities and accelerations of a half's samples."""
-    held = np.tile(pin.neutral(model)[:7], (len(half.q), 1)), *2 * [np.zeros((len(half.q), 6))]
-    base = half.base if half.base[0].size else held
-    both = zip(base, (half.q, half.v, half.a), strict=True)
-    yield from zip(*(np.concatenate(pair, axis=1) for pair in both), strict=True)
-
-
 def hung_rows(robot: Robot, samples: Samples) -> list[Rows]:
     """The equations of each joint of a robot whose base is held."""
     model = rigid(robot)
-    data = model.createData()
+    data, n = model.createData(), len(samples.t)
     known = np.array(
-        [
-            [pin.rnea(model, data, *state)[6:] for state in states(model, half)]
-            for half in samples.halves
-        ]
+        [[pin.rnea(model, data, *half.state(k))[6:] for k in range(n)] for half in samples.halves]
     )
+    none = np.zeros((2, n, 0))
     kept = [np.flatnonzero(one) for one in ~(samples.cut | samples.still).T]
-    none = np.zeros((2, known.shape[1], 0))
     return [
         Rows([j], k, np.ones((len(k), 1)), known[:, k, j], none[:, k]) for j, k in enumerate(kept)
     ]
@@ -93,9 +88,8 @@ def standing_rows(robot: Robot, samples: Samples) -> Rows:
     if not usable.any():
         raise InputError("no foot ever stands without a torque at its limit", name="stance")
     parts = []
-    for k, both in enumerate(zip(*(states(model, half) for half in samples.halves), strict=True)):
-        if not usable[k]:
-            continue
+    for k in np.flatnonzero(usable):
+        both = [half.state(int(k)) for half in samples.halves]
         pin.computeJointJacobians(model, data, both[0][0])
         pin.updateFramePlacements(model, data)
         stance = [frames[i] for i in np.flatnonzero(samples.stance[k])]

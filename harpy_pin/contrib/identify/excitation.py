@@ -16,31 +16,22 @@ from harpy_pin.model.ik import find_posture
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Command, Vector
 
-FUNDAMENTAL = 0.1
-"""Frequency of which all others are multiples, Hz: the motion repeats after 1 / FUNDAMENTAL."""
+FUNDAMENTAL = 0.1  # Hz, of which all frequencies are multiples: the motion repeats after 10 s
 BANDS = ((0.1, 0.4), (0.4, 1.0), (1.0, 2.0), (2.0, 3.0), (3.0, 4.0))
 """Of each joint's sines, one in each, Hz: slow ones for the torque's scale, fast ones for inertia
 and delay.
 """
-TRIES = 20
-"""Motions that are drawn, of which the best conditioned one is taken."""
-REACH, RANGE = 0.8, 0.35
-"""Way from the posture: at most this share of that to the nearer end of a joint, and so far, rad.
-"""
-FASTEST = 8.0
-"""Largest velocity, rad/s."""
-EFFORT = 0.4
-"""Largest torque that the model needs, as a share of the joint's peak torque."""
-ENDLESS = 1e3
-"""Peak torque of a joint whose file has none, N·m."""
-STIFFNESS, DAMPING = 1.5, 0.03
-"""Of the motors: peak torques per rad, and s of the stiffness."""
-ROTOR, CROSSING = 1e-4, 60.0
-"""Armature that a motor has at least, kg·m² per N·m of its peak torque; largest damping over a
-joint's inertia, 1/s: with more, a delay of some milliseconds makes the loop unstable.
-"""
-RAMP = 1.0
-"""In which the motion begins and ends, s."""
+TRIES = 20  # motions that are drawn, of which the best conditioned one is taken
+REACH = 0.8  # largest way from the posture, as a share of that to the nearer end of the joint
+RANGE = 0.35  # largest way from the posture, rad
+FASTEST = 8.0  # largest velocity, rad/s
+EFFORT = 0.4  # largest torque that the model needs, as a share of the joint's peak torque
+ENDLESS = 1e3  # peak torque of a joint whose file has none, N·m
+STIFFNESS = 1.5  # largest stiffness of a motor, in peak torques per rad
+DAMPING = 0.03  # of a motor, in s of its stiffness
+ROTOR = 1e-4  # armature that a motor has at least, kg·m² per N·m of its peak torque
+CROSSING = 60.0  # largest damping over inertia, 1/s: with more, some ms of delay are unstable
+RAMP = 1.0  # in which the motion begins and ends, s
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,6 +55,12 @@ class Excitation:
     k_p: Vector
     k_d: Vector
     condition: float
+
+    def signals(self) -> dict[str, Vector]:
+        """What the motors are sent, by the names of the log's signals; the log lacks but ``q``."""
+        gains = {name: np.tile(getattr(self, name), (len(self.t), 1)) for name in ("k_p", "k_d")}
+        targets = {"target_q": self.q, "target_v": self.v, "torque": self.torque}
+        return {"t": self.t, **targets, **gains}
 
     def command(self, tick: int) -> Command:
         """What a controller sends at a tick."""
@@ -93,42 +90,32 @@ def excitation(
         InputError: a number is out of its domain, or the robot has no posture.
     """
     duration = checks.number("duration", duration, low=4.0 * RAMP)
-    t: Vector = period * np.arange(
-        checks.ticks(duration, checks.number("period", period, low=0.0, strict=True)),
-        dtype=np.float64,
-    )
+    period = checks.number("period", period, low=1e-4, high=0.01)
+    seed = checks.whole("seed", seed)
     rng, posture = np.random.default_rng(seed), find_posture(robot)
-    reach = np.clip(
-        REACH * np.minimum(posture - robot.joint_lower, robot.joint_upper - posture), 0.0, RANGE
-    )
+    low, high = posture - robot.joint_lower, robot.joint_upper - posture
+    reach = np.clip(REACH * np.minimum(low, high), 0.0, RANGE)
     peak = np.where(np.isfinite(robot.torque_limit), robot.torque_limit, ENDLESS)
-    best = min(
-        (_drawn(robot, posture, reach, peak, rng) for _ in range(TRIES)),
-        key=lambda series: series.condition,
-    )
+    tries = [_drawn(robot, posture, reach, peak, rng) for _ in range(TRIES)]
+    best = min(tries, key=lambda series: series.condition)
+    t = period * np.arange(float(checks.ticks(duration, period)))
     q, v, a = best.at(t)
-    # Ramps at both ends.
-    x = np.clip(np.minimum(t, t[-1] - t) / RAMP, 0.0, 1.0)[:, None]
+    x = np.clip(np.minimum(t, t[-1] - t) / RAMP, 0.0, 1.0)[:, None]  # of the ramps s = 3 x² - 2 x³
     sign = np.where(t < 0.5 * t[-1], 1.0, -1.0)[:, None] / RAMP
-    s, ds, dds = (
-        x**2 * (3.0 - 2.0 * x),
-        sign * 6.0 * x * (1.0 - x),
-        (6.0 - 12.0 * x) / RAMP**2 * ((x > 0.0) & (x < 1.0)),
-    )
-    targets = posture + s * q, s * v + ds * q, s * a + 2.0 * ds * v + dds * q
-    torque = needed(robot, *targets)
+    s, ds = x**2 * (3.0 - 2.0 * x), sign * 6.0 * x * (1.0 - x)
+    dds = (6.0 - 12.0 * x) / RAMP**2 * ((x > 0.0) & (x < 1.0))
+    q, v, a = posture + s * q, s * v + ds * q, s * a + 2.0 * ds * v + dds * q
     model = rigid(robot)
-    upper = np.triu(
-        pin.crba(model, model.createData(), np.append(pin.neutral(model)[:7], posture))[6:, 6:]
-    )
-    inertia = 1.0 / np.diag(np.linalg.inv(upper + np.triu(upper, 1).T + np.diag(ROTOR * peak)))
-    k_d = np.minimum(DAMPING * STIFFNESS * peak, CROSSING * inertia)
-    return Excitation(t, *targets[:2], torque, k_d / DAMPING, k_d, best.condition)
+    held = np.append(pin.neutral(model)[:7], posture)
+    upper = np.triu(pin.crba(model, model.createData(), held)[6:, 6:])
+    alone = np.linalg.inv(upper + np.triu(upper, 1).T + np.diag(ROTOR * peak))
+    k_d = np.minimum(DAMPING * STIFFNESS * peak, CROSSING / np.diag(alone))
+    return Excitation(t, q, v, hung_torques(model, q, v, a), k_d / DAMPING, k_d, best.condition)
 
 
 @dataclass(frozen=True, eq=False)
 class _Series:
-    """Sums of sines: (sines, joints) amplitudes, rad, angular frequencies, rad/s, and phases, rad."""
+    """Sums of sines: (sines, joints) amplitudes, rad, frequencies, rad/s, and phases, rad."""
 
     amplitude: Vector
     frequency: Vector
@@ -142,21 +129,6 @@ class _Series:
         return (a * sine).sum(1), (a * w * cosine).sum(1), -(a * w**2 * sine).sum(1)
 
 
-def needed(robot: Robot, q: Vector, v: Vector, a: Vector) -> Vector:
-    """(n, joints) torques of the rigid model that hangs by its base, N·m, for (n, joints) joint
-    motions.
-    """
-    model, still = rigid(robot), np.zeros(6)
-    data, pose = model.createData(), pin.neutral(model)[:7]
-    rows = zip(q, v, a, strict=True)
-    return np.array(
-        [
-            pin.rnea(model, data, *(np.append(*x) for x in ((pose, x), (still, y), (still, z))))[6:]
-            for x, y, z in rows
-        ]
-    )
-
-
 def _drawn(
     robot: Robot, posture: Vector, reach: Vector, peak: Vector, rng: np.random.Generator
 ) -> _Series:
@@ -167,29 +139,26 @@ def _drawn(
     series = _Series(
         rng.uniform(0.7, 1.3, shape), 2.0 * np.pi * frequency, rng.uniform(-np.pi, np.pi, shape)
     )
-    t = np.arange(0.0, 1.0 / FUNDAMENTAL, 0.05)
-    for _ in range(3):  # torques are not proportional to the amplitudes: gravity
+    t, model = np.arange(0.0, 1.0 / FUNDAMENTAL, 0.05), rigid(robot)
+    still = hung_torques(model, posture[None], *np.zeros((2, 1, len(posture))))
+    for _ in range(3):  # torques are not proportional to the amplitudes
         q, v, a = series.at(t)
-        torque = needed(robot, posture + q, v, a)
-        still = needed(
-            robot,
-            np.tile(posture, (1, 1)),
-            np.zeros((1, len(posture))),
-            np.zeros((1, len(posture))),
-        )
-        moving = np.abs(torque - still).max(axis=0)
-        factors = (
-            reach / np.abs(q).max(axis=0),
-            FASTEST / np.abs(v).max(axis=0),
-            EFFORT * peak / moving,
-        )
+        torque = hung_torques(model, posture + q, v, a)
+        limits = zip((q, v, torque - still), (reach, FASTEST, EFFORT * peak), strict=True)
+        factors = [limit / np.maximum(np.abs(x).max(axis=0), 1e-9) for x, limit in limits]
         series = replace(series, amplitude=series.amplitude * np.min(factors, axis=0))
-    conditions = []
-    for columns in zip(
-        torque.T, np.gradient(torque, t, axis=0).T, a.T, v.T, np.sign(v).T, strict=True
-    ):
-        matrix = np.column_stack((*columns, np.ones(len(t))))
-        conditions.append(
-            np.linalg.cond(matrix / np.maximum(np.linalg.norm(matrix, axis=0), 1e-12))
-        )
-    return replace(series, condition=float(np.max(conditions)))
+    parts = torque, np.gradient(torque, t, axis=0), a, v, np.sign(v), np.ones_like(v)
+    matrix = np.stack(parts).transpose(2, 1, 0)
+    matrix = matrix / np.maximum(np.linalg.norm(matrix, axis=1, keepdims=True), 1e-12)
+    return replace(series, condition=float(np.linalg.cond(matrix).max()))
+
+
+def hung_torques(model: pin.Model, q: Vector, v: Vector, a: Vector) -> Vector:
+    """(n, joints) torques of a model that hangs level by its base, N·m, for (n, joints) motions."""
+    data, held, still = model.createData(), pin.neutral(model)[:7], np.zeros(6)
+    return np.array(
+        [
+            pin.rnea(model, data, np.append(held, x), np.append(still, y), np.append(still, z))[6:]
+            for x, y, z in zip(q, v, a, strict=True)
+        ]
+    )

@@ -17,26 +17,17 @@ from harpy_pin.log.run import Run
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
 
-KNOWN = 0.5
-"""Standard error over the number itself up to which it is told."""
-EXCITED = 0.03
-"""The same up to which the log excites it."""
+KNOWN = 0.5  # standard error over the number itself up to which it is told
+EXCITED = 0.03  # the same up to which the log excites it
 SURE = {"torque_scale": 0.02, "delay": 5e-4}
 """The same of these, as it is; else the scale is one, and the delay zero s."""
-OFFSET = 0.02
-"""The same of a bias, as a share of the joint's rms torque."""
-LEFT = 0.3
-"""Share of a joint's torque that may stay unexplained before the log is called wrong."""
-NEGATIVE = 0.03
-"""Share of a joint's torque from which on a number that came out negative is told."""
-MOVING = 100
-"""Samples in which a joint must move."""
-CUT = 0.01
-"""Share of samples at the peak torque from which on it is told."""
-BEYOND = 0.2
-"""Angle beyond a joint's ends from which on it is told, rad."""
-BETTER = 0.8
-"""Correlation with the torque of another joint from which on they may be swapped."""
+OFFSET = 0.02  # the same of a bias, as a share of the joint's rms torque
+LEFT = 0.3  # share of a joint's torque that may stay unexplained before the log is called wrong
+NEGATIVE = 0.03  # share of a joint's torque from which on a number that came out negative is told
+MOVING = 100  # samples in which a joint must move
+CUT = 0.01  # share of samples at the peak torque from which on it is told
+BEYOND = 0.2  # angle beyond a joint's ends from which on it is told, rad
+BETTER = 0.8  # correlation with the torque of another joint from which on they may be swapped
 UNKNOWN = Solution(
     values=np.full(len(NUMBERS), np.nan),
     error=np.full(len(NUMBERS), np.inf),
@@ -80,15 +71,14 @@ def identify(robot: Robot, log: Run | Mapping[str, Vector]) -> Joints:
         robot.joint_lower - angles.min(axis=0), angles.max(axis=0) - robot.joint_upper
     )
     said += _named(robot, over > BEYOND, "angles beyond the joint's ends: another unit or order?")
-    said += _named(robot, samples.cut.mean(axis=0) > CUT, "torque at its limit, rows left out")
+    moving = ~samples.still
+    cut = (samples.cut & moving).mean(axis=0) > CUT
+    said += _named(robot, cut, "torque at its limit, rows left out")
+    said += _named(robot, moving.sum(axis=0) < MOVING, "hardly moves")
     if samples.stance.any():
         return _standing(robot, samples, said)
     rows = hung_rows(robot, samples)
-    still = np.array([len(part.sample) < MOVING for part in rows])
-    said += _named(robot, still, "hardly moves: nothing is known")
-    found = [
-        UNKNOWN if bad else _solved(samples, part) for bad, part in zip(still, rows, strict=True)
-    ]
+    found = [UNKNOWN if len(one.sample) < MOVING else _solved(samples, one) for one in rows]
     bad, lines = _suspicious(robot, samples, rows, found)
     said += lines
     shown = tuple(

@@ -15,8 +15,7 @@ from harpy_pin.files import write_json
 from harpy_pin.model.known_joints import KnownJoints
 from harpy_pin.model.state import Vector
 
-SHOWN = 5.0
-"""Seconds of the log that are drawn."""
+SHOWN = 5.0  # seconds of the log that are drawn
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -34,16 +34,13 @@ from harpy_pin.model.state import Vector
 NUMBERS = ("torque_scale", "bias", "armature", "damping", "friction", "delay")
 """Of each joint, in the order of the unknowns."""
 POSITIVE = ("armature", "damping", "friction")
-DELAYS = np.arange(-0.004, 0.0241, 0.002)
-"""Where the line search looks, s."""
+DELAYS = np.arange(-0.004, 0.0241, 0.002)  # where the line search looks, s
 STEPS, FIRST, SETTLED = 15, 4, 1e-6
 """Of Gauss, Newton and the weights, at most; how many may pass negative numbers; and change of the
 delays at which they end, s.
 """
-HUBER = 1.345
-"""Residual from which on its weight falls, in standard deviations."""
-BLOCK = 1.0
-"""Length of the blocks, s."""
+HUBER = 1.345  # residual from which on its weight falls, in standard deviations
+BLOCK = 1.0  # length of the blocks, s
 SINGULAR = 1e-6
 """Eigenvalue of the scaled equations below which a combination of numbers is not found."""
 

@@ -2,13 +2,14 @@
 
 Every signal goes through the same window, and splines through what is left give velocities and
 accelerations. That is done with every second row and again with those between: the noise of the
-two halves is independent, which the regression needs (:mod:`harpy_pin.contrib.identify.regression`).
+two halves is independent, which :mod:`harpy_pin.contrib.identify.regression` needs.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,31 +22,21 @@ from harpy_pin.log.run import Run
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
 
-WINDOW = 0.015
-"""Standard deviation of the Gaussian in the window, s."""
-LEAST_ROWS = 4.0
-"""The same in rows of the log, at least."""
-SLOWEST = 0.01
-"""Largest period of a log, s."""
-SPACING = 0.01
-"""Between samples of the regression, s."""
-EDGE = 0.15
-"""Left out where a piece of the log begins and ends, s: windows and delays reach so far."""
-GAP = 3.0
-"""A break is longer than so many median periods."""
-SHORTEST = 1.0
-"""Least length of a piece between two gaps, s."""
+WINDOW = 0.015  # standard deviation of the Gaussian in the window, s
+LEAST_ROWS = 4.0  # the same in rows of the log, at least
+SLOWEST = 0.01  # largest period of a log, s
+SPACING = 0.01  # between samples of the regression, s
+EDGE = 0.15  # left out where a piece of the log begins and ends, s: windows and delays reach so far
+GAP = 3.0  # A break is longer than so many median periods
+SHORTEST = 1.0  # least length of a piece between two gaps, s
 STILL = 0.2
 """Velocity, rad/s, below which dry friction may be anything: such rows are left out of a robot that
-hangs."""
-SLOW = 0.02
-"""Velocity that turns dry friction around, rad/s: friction is tanh(v / SLOW)."""
-FULL = 0.98
-"""Share of the peak torque from which on a torque may be cut off."""
-ALIKE = 0.9999
-"""Torques are alike from this ratio on."""
-LOADED = 0.02
-"""Share of the robot's weight from which on a foot is in contact."""
+hangs.
+"""
+SLOW = 0.02  # velocity that turns dry friction around, rad/s: friction is tanh(v / SLOW)
+FULL = 0.98  # share of the peak torque from which on a torque may be cut off
+ALIKE = 0.9999  # torques are alike from this ratio on
+LOADED = 0.02  # share of the robot's weight from which on a foot is in contact
 MIXED = 0.02
 """Share of the window in which a sample may be of another kind: still, cut off, other contacts."""
 GRAVITY = 9.81
@@ -64,8 +55,8 @@ class Half:
         a: (n, joints) rad/s².
         sign: (n, joints) direction of the dry friction.
         back: (n, joints) torques of the motors' own feedback, which are not late, N·m.
-        base: (n, 7), (n, 6) and (n, 6) pose, velocity and acceleration of the base; of no column
-            where it is held level.
+        base: (n, 7), (n, 6) and (n, 6) pose, velocity and acceleration of the base, which is held
+            level where the log has none.
         late: the torques that come late, N·m, by the time, and how many samples they are for, of
             each piece of the log without a gap.
     """
@@ -90,6 +81,11 @@ class Half:
         )
         return value - self.back[:, joint], rate
 
+    def state(self, k: int) -> tuple[Vector, Vector, Vector]:
+        """Configuration, velocity and acceleration of a sample with the base."""
+        pose, twist, rate = (part[k] for part in self.base)
+        return (np.append(pose, self.q[k]), np.append(twist, self.v[k]), np.append(rate, self.a[k]))
+
 
 @dataclass(frozen=True, eq=False)
 class Samples:
@@ -113,7 +109,7 @@ class Samples:
 
 
 def read_samples(robot: Robot, log: Run | Mapping[str, Vector]) -> tuple[Samples, list[str]]:
-    """Samples of a log, and what is wrong with it; see :func:`harpy_pin.contrib.identify.identify`."""
+    """Samples of a log, and what is wrong with it."""
     signals = _signals(robot, log)
     t, rows = signals.pop("t"), len(signals["q"])
     finite = [np.isfinite(part).all(axis=1) for part in (t[:, None], *signals.values())]
@@ -145,7 +141,7 @@ def read_samples(robot: Robot, log: Run | Mapping[str, Vector]) -> tuple[Samples
 
 def _signals(robot: Robot, log: Run | Mapping[str, Vector]) -> dict[str, Vector]:
     """The signals that are used, (rows, columns) each, and t."""
-    known = {name: log[name] for name in log.keys()}
+    known = dict(log)
     law = "k_p" in known
     for name, other in OTHER_NAMES.items():
         if name not in known and other in known and not (law and name == "torque"):
@@ -156,41 +152,37 @@ def _signals(robot: Robot, log: Run | Mapping[str, Vector]) -> dict[str, Vector]
         raise InputError("the log has neither torque nor the motors' k_p", name="torque")
     t, n, nq = checks.array("t", known["t"], None).ravel(), len(robot.joints), robot.model.nq
     wide = np.shape(known["q"])[-1] if np.ndim(known["q"]) == 2 else 0
-    if wide not in (n, nq) or nq != n + 7:
+    if wide not in (n, nq):
         message = f"q must have {n} angles of joints, or {nq} numbers with the base, in a row"
-        raise InputError(f"{message}, got {wide}; and no joint may turn without end", name="q")
-    columns = {"q": wide, **dict.fromkeys(("torque", "target_q", "target_v"), n)}
+        raise InputError(f"{message}, got {wide}", name="q")
+    columns = {"q": wide, **dict.fromkeys(("torque", "target_q", "target_v", "k_p", "k_d"), n)}
+    for name in {"k_p", "k_d"} & known.keys():
+        if np.ndim(known[name]) < 2:  # they never change
+            known[name] = np.tile(checks.gains(name, known[name], n), (len(t), 1))
     if wide == nq:
         columns |= {"v": robot.model.nv, "stance": len(robot.feet)}
         if "stance" not in known and "foot_force" in known:
             force = checks.array("foot_force", known["foot_force"], (len(t), len(robot.feet), 3))
             known["stance"] = np.linalg.norm(force, axis=2) > LOADED * robot.mass * GRAVITY
-    read = {
+    return {"t": t} | {
         name: checks.array(name, known[name], (len(t), size))
         for name, size in columns.items()
         if name in known
     }
-    for name in ("k_p", "k_d"):
-        if name in known:
-            gains = checks.array(name, known[name], None)
-            shape = gains.shape if gains.ndim == 2 else (n,)
-            gains = gains if gains.ndim == 2 else checks.gains(name, gains, n)
-            read[name] = np.tile(gains, (len(t), 1)) if len(shape) == 1 else gains
-            checks.array(name, read[name], (len(t), n))
-    return {"t": t, **read}
 
 
 def _joined(halves: list[Half]) -> Half:
     """Halves of all pieces, one after the other."""
     names = ("t", "q", "v", "a", "sign", "back")
-    parts = (np.concatenate([getattr(half, name) for half in halves]) for name in names)
+    parts = {name: np.concatenate([getattr(half, name) for half in halves]) for name in names}
     pose, v, a = (np.concatenate([half.base[k] for half in halves]) for k in range(3))
-    return Half(*parts, (pose, v, a), tuple(late for half in halves for late in half.late))
+    late = tuple(late for half in halves for late in half.late)
+    return Half(**parts, base=(pose, v, a), late=late)
 
 
 def _piece(
     robot: Robot, times: Vector, read: Mapping[str, Vector], period: float
-) -> tuple[tuple[NDArray[np.bool_], ...], list[Half]]:
+) -> tuple[tuple[Any, ...], list[Half]]:
     """Kinds of the samples of rows without a gap, as :class:`Samples` has them, and both halves."""
     n, window = len(robot.joints), max(WINDOW, LEAST_ROWS * period)
     t = times[0] + period * np.arange(int((times[-1] - times[0]) / period) + 1)
@@ -219,7 +211,7 @@ def _piece(
         share(whole >= FULL * limit) > MIXED,
         share(np.abs(velocity) < STILL) > MIXED,
         in_stance > 0.5,
-        (np.minimum(in_stance, 1.0 - in_stance) < MIXED).all(axis=1),
+        np.all(np.minimum(in_stance, 1.0 - in_stance) < MIXED, axis=1),
     )
     return kinds, [_half(even, t, k, t[kept], window) for k in (0, 1)]
 
@@ -233,11 +225,12 @@ def _half(even: Mapping[str, Vector], t: Vector, first: int, at: Vector, window:
         return CubicSpline(t, _smoothed(x, window / (t[1] - t[0])))
 
     q = smooth(even["q"][rows, -n:])
-    back, none = np.zeros((len(at), n)), np.zeros((len(at), 0))
+    back = np.zeros((len(at), n))
     for order, name in enumerate(("k_p", "k_d")):
         if name in even:
             back = back + smooth(even[name][rows])(at) * q(at, order)
-    base = none, none, none
+    still = np.zeros((len(at), 6))
+    base = np.eye(7)[np.full(len(at), 6)], still, still
     if even["q"].shape[1] > n:
         pose = smooth(even["q"][rows, :7])(at)
         pose[:, 3:] /= np.linalg.norm(pose[:, 3:], axis=1)[:, None]
