@@ -84,23 +84,23 @@ def standing_rows(robot: Robot, samples: Samples) -> Rows:
     """
     model = rigid(robot)
     data, frames = model.createData(), [robot.frame_id(name) for name in robot.feet]
-    usable = samples.steady & samples.stance.any(axis=1) & ~samples.cut.any(axis=1)
-    if not usable.any():
-        raise InputError("no foot ever stands without a torque at its limit", name="stance")
-    parts = []
+    usable = samples.steady & samples.stance.any(axis=1)
+    unit, parts = np.eye(model.nv)[6:], []
     for k in np.flatnonzero(usable):
         both = [half.state(int(k)) for half in samples.halves]
         pin.computeJointJacobians(model, data, both[0][0])
         pin.updateFramePlacements(model, data)
         stance = [frames[i] for i in np.flatnonzero(samples.stance[k])]
         jacobians = [pin.getFrameJacobian(model, data, i, pin.LOCAL)[:3] for i in stance]
-        basis = unreached(np.concatenate(jacobians)).T
+        basis = unreached(np.concatenate((*jacobians, unit[samples.cut[k]]))).T
         known = np.array([basis @ pin.rnea(model, data, *state) for state in both])
         regressors = np.array(
             [pin.computeJointTorqueRegressor(model, data, *state)[:, :PAYLOAD] for state in both]
         )
         payload = (basis @ regressors).swapaxes(0, 1)
         parts.append((np.full(len(basis), k), basis[:, 6:], known.T, payload))
+    if not parts:
+        raise InputError("no foot ever stands", name="stance")
     sample, select, right, payload = (np.concatenate(column) for column in zip(*parts, strict=True))
     return Rows(list(range(len(robot.joints))), sample, select, right.T, payload.swapaxes(0, 1))
 

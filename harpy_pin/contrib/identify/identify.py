@@ -17,7 +17,7 @@ from harpy_pin.log.run import Run
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
 
-KNOWN = 0.5  # standard error over the number itself up to which it is told
+KNOWN = 0.2  # standard error over the number itself up to which it is told
 EXCITED = 0.03  # the same up to which the log excites it
 SURE = {"torque_scale": 0.02, "delay": 5e-4}
 """The same of these, as it is; else the scale is one, and the delay zero s."""

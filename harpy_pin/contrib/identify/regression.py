@@ -41,6 +41,10 @@ delays at which they end, s.
 """
 HUBER = 1.345  # residual from which on its weight falls, in standard deviations
 BLOCK = 1.0  # length of the blocks, s
+ALIKE = 0.1
+"""Share of the rms that both halves of the log leave unexplained, which no noise is, that may look
+like a number.
+"""
 SINGULAR = 1e-6
 """Eigenvalue of the scaled equations below which a combination of numbers is not found."""
 
@@ -178,8 +182,12 @@ def _solved(
 
 
 def _covariance(matrix: Vector, weight: Vector, residual: Vector, block: Vector) -> Vector:
-    """Of the numbers, where what is left is independent from block to block."""
+    """Of the numbers, where noise is independent from block to block, and what the model lacks looks
+    like a number by a share of :data:`ALIKE`.
+    """
     inverse, size = _cross(matrix, weight)
     scores = 0.5 * sum(matrix[h] * (weight * residual[1 - h])[:, None] for h in (0, 1)) / size
     scores = np.add.reduceat(scores, np.flatnonzero(np.diff(block, prepend=-np.inf)), axis=0)
-    return np.asarray(inverse @ (scores.T @ scores) @ inverse / size / size[:, None])
+    lacks = max(float(np.sum(weight * residual[0] * residual[1])), 0.0)  # noise drops out
+    covariance = inverse @ (scores.T @ scores) @ inverse + ALIKE**2 * lacks * inverse
+    return np.asarray(covariance / size / size[:, None])

@@ -35,7 +35,7 @@ hangs.
 """
 SLOW = 0.02  # velocity that turns dry friction around, rad/s: friction is tanh(v / SLOW)
 FULL = 0.98  # share of the peak torque from which on a torque may be cut off
-ALIKE = 0.9999  # torques are alike from this ratio on
+SAME = 0.9999  # torques are alike from this ratio on
 LOADED = 0.02  # share of the robot's weight from which on a foot is in contact
 MIXED = 0.02
 """Share of the window in which a sample may be of another kind: still, cut off, other contacts."""
@@ -204,7 +204,7 @@ def _piece(
     velocity = np.gradient(gaussian_filter1d(angle, window / period, axis=0), period, axis=0)
     whole = np.abs(even["late"] - k_p * angle - k_d * velocity)
     largest = whole.max(axis=0)
-    often = np.mean(whole >= ALIKE * largest, axis=0) > 0.01  # cut off below the peak torque
+    often = np.mean(whole >= SAME * largest, axis=0) > 0.01  # cut off below the peak torque
     limit = np.where(often, np.minimum(largest, robot.torque_limit), robot.torque_limit)
     in_stance = share(even.get("stance", zero[:, :0]) > 0.5)
     kinds = (
