@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from harpy_pin import checks
-from harpy_pin.errors import InputError, RobotError, reason, shown
+from harpy_pin.errors import RobotError, reason, shown
 from harpy_pin.model.state import Vector
 
 NAMES = ("armature", "damping", "friction")
@@ -23,7 +23,7 @@ class KnownJoints:
         names: of the joints.
         armature: (joints,) inertia of the motors' rotors at the joints, kg·m².
         damping: (joints,) viscous friction, N·m·s/rad.
-        friction: (joints,) dry friction, N·m.
+        friction: (joints,) dry friction, N·m. Arrays are read only.
     """
 
     names: tuple[str, ...]
@@ -31,16 +31,10 @@ class KnownJoints:
     damping: Vector
     friction: Vector
 
-    def of(self, joints: tuple[str, ...]) -> dict[str, Vector]:
-        """Copies of the arrays by name, if these are the joints.
-
-        Raises:
-            InputError: they are not.
-        """
-        if tuple(self.names) != joints:
-            message = f"these are joints of another robot: {shown(', '.join(self.names), 300)}"
-            raise InputError(f"{message}; expected {', '.join(joints)}", name="found")
-        return {name: np.array(getattr(self, name), dtype=np.float64) for name in NAMES}
+    def __post_init__(self) -> None:
+        for array in vars(self).values():
+            if isinstance(array, np.ndarray):
+                array.flags.writeable = False
 
 
 def read_joints(path: str | Path) -> KnownJoints:

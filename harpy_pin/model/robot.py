@@ -208,15 +208,19 @@ class Robot:
             friction: dry friction, N·m.
 
         Raises:
-            InputError: another length, or numbers that are not finite or negative.
+            InputError: joints of another robot, another length, or numbers that are not finite or
+                negative.
         """
         base, changed = self.model.joints[1].nv, {}
-        known = {} if found is None else found.of(self.joints)
+        if found is not None and tuple(found.names) != self.joints:
+            message = f"these are joints of another robot: {shown(', '.join(found.names), 300)}"
+            raise InputError(f"{message}; expected {', '.join(self.joints)}", name="found")
         for name, given in {"armature": armature, "damping": damping, "friction": friction}.items():
             array = "upperDryFrictionLimit" if name == "friction" else name
             before = getattr(self.model, array)
-            if given is None and name in known:
-                given = np.where(np.isnan(known[name]), before[base:], known[name])
+            if given is None and found is not None:
+                known = getattr(found, name)
+                given = np.where(np.isnan(known), before[base:], known)
             if given is not None:
                 values = checks.gains(name, given, len(self.joints))
                 changed[array] = np.concatenate((before[:base], values))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
@@ -10,14 +11,16 @@ import pytest
 
 import harpy_pin as hp
 from comparison.worlds.hung import PERIOD, Hidden, hang, hidden, logged
-from harpy_pin.contrib.identify import equations, excitation, identify
+from harpy_pin.contrib.identify import command, equations, excitation, identify
 from harpy_pin.contrib.identify.signals import Half, Samples
 from harpy_pin.errors import InputError, RobotError
+from harpy_pin.log.bag import read_log, read_signals
 from harpy_pin.model.known_joints import KnownJoints
 from harpy_pin.model.robot import harpy_urdf
 
 mujoco = pytest.importorskip("mujoco")
 SECONDS = 16.0
+PARTS = ("hip", "thigh", "calf")
 NUMBERS = ("torque_scale", "armature", "damping", "friction")
 
 
@@ -78,6 +81,17 @@ def test_the_plan_keeps_the_limits(robot, plan):
     assert plan.command(5).law[0] == pytest.approx(plan.q[5])
 
 
+def test_standard_errors_are_such(robot, log, truth):
+    """Where the log says how large the torques are; else they are taken as right."""
+    found = identify(robot, log)
+    sure = found.excited["torque_scale"]
+    assert sure.sum() > 3
+    for name in NUMBERS:
+        off = np.abs(getattr(found, name) - getattr(truth, name)) / found.error[name]
+        assert off[sure].max() < 4.0
+        assert np.median(off[sure]) > 0.05
+
+
 def test_a_joint_at_rest_is_not_known(robot, copy):
     copy["q"][:, 2] = copy["q"][0, 2]
     found = identify(robot, copy)
@@ -86,36 +100,72 @@ def test_a_joint_at_rest_is_not_known(robot, copy):
     assert any(robot.joints[2] in line and "hardly moves" in line for line in found.status)
 
 
-@pytest.mark.parametrize("what", ["sign", "swapped", "degrees", "saturated", "gaps", "nonsense"])
-def test_a_wrong_log_is_named(robot, copy, what):
-    """And no inertia or friction is ever negative."""
-    torque, said = (
-        copy["torque"],
-        {"sign": "wrong sign", "swapped": "of another joint", "degrees": "another unit"},
-    )
-    if what == "sign":
-        torque[:, 1] *= -1.0
-    elif what == "swapped":
-        torque[:, [1, 2]] = torque[:, [2, 1]]
-    elif what == "degrees":
-        copy["q"] = np.rad2deg(copy["q"])
-    elif what == "saturated":
-        size = 0.6 * np.abs(torque).max(axis=0)
-        copy["torque"] = np.clip(torque, -size, size)
-    elif what == "gaps":
-        kept = np.ones(len(copy["t"]), bool)
-        kept[1000:1300] = False
-        copy = {name: part[kept] for name, part in copy.items()}
-        copy["q"][50, 1] = np.nan
-    else:
-        copy["torque"] = np.random.default_rng(0).standard_normal(torque.shape)
+def test_a_constant_log_says_nothing(robot, copy):
+    copy["q"][:], copy["torque"][:] = copy["q"][0], copy["torque"][0]
     found = identify(robot, copy)
-    line = {**said, "saturated": "at its limit", "gaps": "gaps", "nonsense": "does not explain"}[
-        what
-    ]
-    assert any(line in one for one in found.status), found.status
+    assert found.status == (f"{', '.join(robot.joints)}: hardly moves",)
+    for name in (*NUMBERS, "bias", "delay"):
+        assert np.all(np.isnan(getattr(found, name)))
+    before = robot.with_joints(armature=0.02, damping=0.3, friction=0.4)
+    assert before.with_joints(found).model == before.model
+    assert found.figure().axes
+
+
+def wrong_sign(log):
+    log["torque"][:, 1] *= -1.0
+    return log
+
+
+def swapped(log):
+    log["torque"][:, [1, 2]] = log["torque"][:, [2, 1]]
+    return log
+
+
+def in_degrees(log):
+    return log | {"q": np.rad2deg(log["q"])}
+
+
+def saturated(log):
+    size = 0.6 * np.abs(log["torque"]).max(axis=0)
+    return log | {"torque": np.clip(log["torque"], -size, size)}
+
+
+def with_gaps(log):
+    log["q"][50, 1] = np.nan
+    kept = np.ones(len(log["t"]), bool)
+    kept[1000:1300] = False
+    return {name: part[kept] for name, part in log.items()}
+
+
+def of_something_else(log):
+    return log | {"torque": np.random.default_rng(0).standard_normal(log["torque"].shape)}
+
+
+@pytest.mark.parametrize(
+    ("spoil", "said", "unknown"),
+    [
+        (wrong_sign, "wrong sign", [1]),
+        (swapped, "of another joint", [1, 2]),
+        (in_degrees, "another unit", []),
+        (saturated, "at its limit", []),
+        (with_gaps, "1 gaps, the longest of 0.6", []),
+        (of_something_else, "does not explain", range(6)),
+    ],
+)
+def test_a_wrong_log_is_named(robot, copy, spoil, said, unknown):
+    """Nothing is known of its joints then, and no inertia or friction is ever negative."""
+    found = identify(robot, spoil(copy))
+    assert any(said in line for line in found.status), found.status
     for name in ("armature", "damping", "friction"):
         assert not np.any(getattr(found, name) < 0.0)
+        assert np.all(np.isnan(getattr(found, name)[list(unknown)]))
+
+
+def test_what_saturates_and_gaps_leave_is_right(robot, copy, truth):
+    found = identify(robot, with_gaps(copy))
+    known = found.excited["armature"]
+    assert known.any()
+    assert found.armature[known] == pytest.approx(truth.armature[known], rel=0.1)
 
 
 def test_found_joints_go_into_the_robot(robot, log, tmp_path):
@@ -150,6 +200,7 @@ def test_what_is_missing_is_said(robot, log):
 
 def test_forces_of_feet_drop_out(robot):
     """Rows of a standing robot: any forces at the stance feet leave select · τ as it is."""
+    robot = hp.load_robot(harpy_urdf(), feet=robot.feet)
     rng, model = np.random.default_rng(0), equations.rigid(robot)
     data, q = (
         model.createData(),
@@ -176,3 +227,79 @@ def test_forces_of_feet_drop_out(robot):
     rows = equations.standing_rows(robot, samples)
     assert rows.select @ rest[6:] == pytest.approx(rows.known[0], abs=1e-9)
     assert rows.payload.shape == (2, len(rows.sample), 4)
+
+
+def test_a_walk_tells_some_armatures():
+    """On its feet, from the true state: the plant is the library's own."""
+    robot = hp.load_robot("solo12")
+    rng = np.random.default_rng(1)
+    armature = 0.01 * np.exp(rng.uniform(-1.0, 1.0, 12))
+    real = robot.with_joints(armature=armature, damping=0.02)
+    scenario = hp.Scenario(robot=real, gait=hp.Walking(velocity=(0.3, 0.1, 0.3)), duration=4.0)
+    found = identify(robot, hp.walk(scenario))
+    known = found.excited["armature"]
+    assert known.any()
+    assert found.armature[known] == pytest.approx(armature[known], rel=0.2)
+
+
+def test_sensors_names_and_gains_that_never_change(robot, copy, plan, truth):
+    named = {"t": copy["t"], "joint_position": copy["q"], "joint_torque": copy["torque"]}
+    assert identify(robot, named).armature == pytest.approx(identify(robot, copy).armature)
+    model = hang(mujoco.MjSpec.from_file(str(harpy_urdf())), robot)
+    log = logged(model, truth, plan, np.random.default_rng(5), law=True)
+    found = identify(robot, log)
+    once = identify(robot, log | {"k_p": plan.k_p, "k_d": plan.k_d})
+    assert once.armature == pytest.approx(found.armature)
+
+
+def test_unitree_messages(tmp_path):
+    """Legs come in Unitree's order, times from the robot's clock, and a command holds."""
+    writer = pytest.importorskip("mcap.writer")
+    go2 = hp.load_robot("go2")
+    legs = [f"{leg}_{part}_joint" for leg in ("FR", "FL", "RR", "RL") for part in PARTS]
+    imu = {"gyroscope": [0.0, 0.0, 0.1], "accelerometer": [0.0, 0.0, 9.8]}
+    with (tmp_path / "log.mcap").open("wb") as file:
+        out = writer.Writer(file)
+        out.start()
+        channel = {}
+        for kind in ("LowState", "LowCmd"):
+            schema = out.register_schema(f"unitree_go/msg/{kind}", "jsonschema", b"{}")
+            channel[kind] = out.register_channel(kind, "json", schema)
+        for k in range(5):
+            motors = [{"q": j + 0.1 * k, "dq": 0.0, "tau_est": 2.0 * j} for j in range(20)]
+            state = {"tick": 1000 + 2 * k, "imu_state": imu, "motor_state": motors}
+            order = [{"q": j, "dq": 0.0, "tau": k, "kp": 20.0, "kd": 0.5} for j in range(20)]
+            for kind, content in (("LowState", state), ("LowCmd", {"motor_cmd": order})):
+                late = 1_000_000 if kind == "LowCmd" else 0
+                t = 2_000_000 * k + late
+                out.add_message(channel[kind], t, json.dumps(content).encode(), t)
+        out.finish()
+    read = read_signals(tmp_path / "log.mcap", go2)
+    assert read["t"] == pytest.approx(1.0 + 0.002 * np.arange(5))
+    for j, name in enumerate(go2.joints):
+        assert read["joint_position"][:, j] == pytest.approx(legs.index(name) + 0.1 * np.arange(5))
+    assert read["torque"][:, 0] == pytest.approx([0.0, 0.0, 1.0, 2.0, 3.0])
+    assert np.all(read["k_p"] == 20.0)
+    assert read_log(tmp_path / "log.mcap", go2)["gyroscope"][0, 2] == 0.1
+
+
+@pytest.mark.parametrize("ending", ["npz", "csv"])
+def test_commands(tmp_path, monkeypatch, ending, capsys):
+    """What ``harpy excite`` writes is a log but for the angles, and what ``identify`` says is in a
+    file.
+    """
+    monkeypatch.chdir(tmp_path)
+    command.excite(robot="harpy", duration=8.0, out=Path(f"motion.{ending}"))
+    robot = hp.load_harpy()
+    sent = read_signals(f"motion.{ending}", robot)
+    sent["torque"] += 0.01 * np.gradient(sent["target_v"], sent["t"], axis=0)
+    np.savez("log.npz", q=sent["target_q"], **sent)
+    command.identify(Path("log.npz"), robot="harpy", out=Path("j.json"), figure=Path("j.png"))
+    said = capsys.readouterr().out
+    assert "left_knee" in said
+    assert "numbers" in said
+    assert hp.load_robot("go2").joints[0] not in said
+    found = json.loads(Path("j.json").read_text())["joints"]
+    for name in robot.joints:
+        assert found[name]["armature"] == pytest.approx(0.01, rel=0.05)
+    assert Path("j.png").stat().st_size > 10_000

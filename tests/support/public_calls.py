@@ -23,6 +23,7 @@ import numpy as np
 import harpy_pin as hp
 from harpy_pin.contrib.batch import CondensedBatch
 from harpy_pin.contrib.flight import Fly, FlyingGait
+from harpy_pin.contrib.identify import excitation, identify
 from harpy_pin.contrib.power import Motors
 from harpy_pin.controllers import WholeBodyParameters
 from harpy_pin.estimation import EstimatorSettings
@@ -41,7 +42,7 @@ PACKAGES = (
         ".simulation",
     ),
     *(".simulation.mujoco", ".view", ".wbc", ".wbc.condensed"),
-    *(f".contrib.{name}" for name in ("batch", "flight", "gym", "shield_batch")),
+    *(f".contrib.{name}" for name in ("batch", "flight", "gym", "identify", "shield_batch")),
 )
 OPERATORS = ("__call__", "__getitem__")
 """Methods with a name of Python's that users call."""
@@ -275,6 +276,9 @@ def values() -> dict[str, Any]:
         **{"log.Propulsion.power": 1000.0, "log.Propulsion.thrust": 18.0},
         "log.Propulsion.thrusts": np.array([18.0, 2.0]),
         "contrib.power.Motors.constant": 0.6,
+        "contrib.identify.identify.log": excitation(robot, duration=4.0).signals()
+        | {"q": excitation(robot, duration=4.0).q},
+        "contrib.identify.Excitation.tick": 0,
         "contrib.power.power.motors": Motors(constant=0.6),
         "contrib.power.power.propulsion": hp.log.Propulsion(thrust=18.0, power=1000.0),
     }
@@ -288,6 +292,8 @@ def objects() -> dict[str, Any]:
     return {
         "contrib.batch.BatchTargets": CondensedBatch(robot, 2).targets,
         "contrib.batch.CondensedBatch": CondensedBatch(robot, 2),
+        "contrib.identify.Excitation": excitation(robot, duration=4.0),
+        "contrib.identify.Joints": identify(robot, values()["contrib.identify.identify.log"]),
         "Simulator": simulator,
         "wbc.QPSolver": hp.wbc.make_solver("daqp", values()["program"]),
         "wbc.WholeBodyProblem": values()["problem"],
@@ -303,6 +309,7 @@ MADE_BY_THE_LIBRARY = (
         "scenario.Setting",
         "contrib.batch.BatchTargets",
     ),
+    *("contrib.identify.Excitation", "contrib.identify.Joints"),
     *("export.Exportable", "export.Exported", "contrib.power.Power"),
     *("governors.GovernorStatus", "contrib.shield.ShieldAnswer", "model.IKResult", "Robot"),
     *("wbc.QPSolution", "scenario.Walk", "Interrupted"),

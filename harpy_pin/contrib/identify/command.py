@@ -51,7 +51,7 @@ def identify(
     harpy identify log.npz --robot go2 --out go2_joints.json --figure torques.png
     """
     check_outputs({"--out": out, "--figure": figure}, inputs={"LOG": log})
-    from harpy_pin.contrib.identify.identify import identify as identified
+    from harpy_pin.contrib.identify.identification import identify as identified
     from harpy_pin.log.bag import read_signals
     from harpy_pin.model.source import loaded_robot
 
@@ -104,7 +104,7 @@ def excite(
     they are a log for harpy identify. Watch the first seconds: whether links touch is not checked.
     """
     check_outputs({"--out": out})
-    from harpy_pin.contrib.identify.excitation import excitation
+    from harpy_pin.contrib.identify.motion import excitation
     from harpy_pin.model.source import loaded_robot
 
     known = loaded_robot(options.read_robot_options(robot, feet, None))

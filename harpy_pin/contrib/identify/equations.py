@@ -80,8 +80,10 @@ def standing_rows(robot: Robot, samples: Samples) -> Rows:
     """The equations of all joints of a robot on its feet.
 
     Raises:
-        InputError: it never stands long enough.
+        InputError: it never stands long enough, or may push itself by thrusters.
     """
+    if robot.thrusters or robot.rotors:
+        raise InputError("thrust is in no equation: hang the robot up", name="robot", value=robot)
     model = rigid(robot)
     data, frames = model.createData(), [robot.frame_id(name) for name in robot.feet]
     usable = samples.steady & samples.stance.any(axis=1)

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from harpy_pin.arguments import checked
 from harpy_pin.contrib.identify.regression import NUMBERS
 from harpy_pin.files import write_json
 from harpy_pin.model.known_joints import KnownJoints
@@ -83,6 +84,7 @@ class Joints(KnownJoints):
             }
         return found
 
+    @checked
     def save(self, path: str | Path) -> None:
         """Write :meth:`as_dict`, which ``load_robot(..., joints=path)`` reads.
 

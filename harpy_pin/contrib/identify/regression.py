@@ -182,8 +182,8 @@ def _solved(
 
 
 def _covariance(matrix: Vector, weight: Vector, residual: Vector, block: Vector) -> Vector:
-    """Of the numbers, where noise is independent from block to block, and what the model lacks looks
-    like a number by a share of :data:`ALIKE`.
+    """Of the numbers, where noise is independent from block to block, and what the model lacks
+    looks like a number by a share of :data:`ALIKE`.
     """
     inverse, size = _cross(matrix, weight)
     scores = 0.5 * sum(matrix[h] * (weight * residual[1 - h])[:, None] for h in (0, 1)) / size

@@ -46,6 +46,8 @@ class Excitation:
         k_p: (joints,) stiffness of the motors, N·m/rad.
         k_d: (joints,) their damping, N·m·s/rad.
         condition: condition number of the worst joint's regressor, of columns of length one.
+
+    Arrays are read only.
     """
 
     t: Vector
@@ -56,6 +58,10 @@ class Excitation:
     k_d: Vector
     condition: float
 
+    def __post_init__(self) -> None:
+        for array in (self.t, self.q, self.v, self.torque, self.k_p, self.k_d):
+            array.flags.writeable = False
+
     def signals(self) -> dict[str, Vector]:
         """What the motors are sent, by the names of the log's signals; the log lacks but ``q``."""
         gains = {name: np.tile(getattr(self, name), (len(self.t), 1)) for name in ("k_p", "k_d")}
@@ -63,7 +69,8 @@ class Excitation:
         return {"t": self.t, **targets, **gains}
 
     def command(self, tick: int) -> Command:
-        """What a controller sends at a tick."""
+        """What a controller sends at a tick, counted from zero."""
+        checks.whole("tick", tick, high=len(self.t) - 1)
         return Command(
             self.torque[tick], q=self.q[tick], v=self.v[tick], k_p=self.k_p, k_d=self.k_d
         )
