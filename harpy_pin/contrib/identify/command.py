@@ -70,9 +70,9 @@ def identify(
             line += f"{'–' if np.isnan(value) else text:>11}"
         left = 100.0 * found.left[k]
         console.print(f"{line}{'–' if np.isnan(left) else f'{left:.0f}':>5}", soft_wrap=True)
-    known = sum(int(found.excited[name].sum()) for name in COLUMNS)
+    excited = sum(int(found.excited[name].sum()) for name in COLUMNS)
     many = len(COLUMNS) * len(found.names)
-    console.print(f"the log excites {known} of {many} numbers; (in brackets): not within a tenth")
+    console.print(f"the log excites {excited} of {many} numbers; (in brackets): not within a tenth")
     if found.payload is not None and found.payload_error is not None:
         mass, error = found.payload[0], found.payload_error[0]
         console.print(f"on the base: {mass:.2f} kg, standard error {error:.2f} kg")

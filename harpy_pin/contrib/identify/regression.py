@@ -39,9 +39,12 @@ STEPS, FIRST, SETTLED = 15, 4, 1e-6
 """Of Gauss, Newton and the weights, at most; how many may pass negative numbers; and change of the
 delays at which they end, s.
 """
-HUBER = 1.345  # residual from which on its weight falls, in standard deviations
+HUBER = 3.0
+"""Residual from which on its weight falls, in standard deviations. It is far out: weights that know
+the noise of both halves would make them depend on each other.
+"""
 BLOCK = 1.0  # length of the blocks, s
-ALIKE = 0.1
+ALIKE = 0.05
 """Share of the rms that both halves of the log leave unexplained, which no noise is, that may look
 like a number.
 """
