@@ -67,8 +67,10 @@ def _errors(truth: Hidden, found: Joints) -> dict[str, Any]:
     for name in NUMBERS:
         known, true = found.excited[name], getattr(truth, name)
         error = 100.0 * np.abs(getattr(found, name) / true - 1.0)[known]
-        row[name], row[f"{name}_excited"] = float(error.max(initial=0.0)), int(known.sum())
-        row[f"{name}_median"] = float(np.median(error)) if len(error) else None
+        row[f"{name}_excited"] = len(error)
+        row[name], row[f"{name}_median"] = (
+            (float(error.max()), float(np.median(error))) if len(error) else (None, None)
+        )
     known = found.excited["delay"]
     late = 1e3 * np.abs(found.delay - truth.delay - 0.5 * PERIOD)[known]
     row |= {"delay_ms": float(late.max(initial=0.0)), "delay_excited": int(known.sum())}
@@ -113,7 +115,8 @@ def _searched(
         best = joints(search.result.xfavorite)
         for name in POSITIVE:
             error = 100.0 * np.abs(getattr(best, name) / getattr(truth, name) - 1.0)
-            row[f"{name}_after_{times}"] = float(np.median(error[found.excited[name]]))
+            known = error[found.excited[name]]
+            row[f"{name}_after_{times}"] = float(np.median(known)) if len(known) else None
         row[f"trials_after_{times}"] = trials
     return row | {"population": search.popsize, "search_time_s": time.process_time() - begin}
 
@@ -143,7 +146,7 @@ STUDY = Study(
     example="--logs 3",
     defaults={
         "worlds": (*ROBOTS, "G1"),
-        "logs": 3,  # of each robot, torques logged, and commands and gains alone
+        "logs": 2,  # of each robot, torques logged, and commands and gains alone
         "duration": 60.0,  # of a log, s
         "search": 1,  # whether CMA-ES searches, too, on the first log of each
         "seed": 0,

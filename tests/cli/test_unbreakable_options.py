@@ -60,6 +60,7 @@ ACCEPTED: dict[tuple[str, ...], set[str]] = {
     },
     **{("comparison", "causes", name): {"0"} for name in ("--sequences", "--lasting")},
     ("comparison", "senses", "--walks"): {"0"},
+    ("comparison", "identification", "--logs"): {"0"},
 }
 """What an option takes of the values above. One that is not here takes none of them."""
 SAYS = {

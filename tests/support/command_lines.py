@@ -27,7 +27,7 @@ WORK = (
     "harpy_pin.view.page.film.Film.__enter__",
     "harpy_pin.view.page.replay.show",
     "harpy_pin.contrib.live.drive.listen",
-    "harpy_pin.contrib.identify.motion.excitation",
+    "harpy_pin.contrib.identify.motion.find_posture",
     "harpy_pin.contrib.identify.identification.identify",
     "harpy_pin.kernels.library_files.clear",
     "harpy_pin.cli.compile._scenarios",
