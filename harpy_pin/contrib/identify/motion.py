@@ -32,6 +32,7 @@ DAMPING = 0.03  # of a motor, in s of its stiffness
 ROTOR = 1e-4  # armature that a motor has at least, kg·m² per N·m of its peak torque
 CROSSING = 60.0  # largest damping over inertia, 1/s: with more, some ms of delay are unstable
 RAMP = 1.0  # in which the motion begins and ends, s
+LONGEST = 3600.0  # largest duration, s
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,14 +90,14 @@ def excitation(
 
     Args:
         robot: whose posture, limits and masses count.
-        duration: s.
+        duration: s, at least 4.
         period: between ticks, s.
         seed: of the random motions.
 
     Raises:
         InputError: a number is out of its domain, or the robot has no posture.
     """
-    duration = checks.number("duration", duration, low=4.0 * RAMP)
+    duration = checks.number("duration", duration, low=4.0 * RAMP, high=LONGEST)
     period = checks.number("period", period, low=1e-4, high=0.01)
     seed = checks.whole("seed", seed)
     rng, posture = np.random.default_rng(seed), find_posture(robot)
