@@ -36,6 +36,8 @@ NOT_MEASURED = {
     ("docs/governors.md", "Governors"): "classes",
     ("docs/governors.md", "Variants of the paper's governor"): "settings",
     ("docs/gym.md", "Any robot"): "terms of the reward",
+    ("docs/identification.md", "The log"): "columns",
+    ("docs/identification.md", "Which numbers to trust"): "frequencies of a motion",
     ("docs/kernels.md", "How it becomes C"): "variables of the environment",
     (
         "docs/related_work.md",
