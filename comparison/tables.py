@@ -146,7 +146,7 @@ def cell_text(cell: Cell | None) -> str:
     if cell.low is None or cell.high is None:
         return text
     low, high = (number_text(end, 2) for end in (cell.low, cell.high))
-    if low == high:
+    if low == high or not float(low) <= float(text) <= float(high):
         low, high = (number_text(end) for end in (cell.low, cell.high))
     return f"{text} ({low}–{high})"
 

@@ -241,3 +241,12 @@ def test_every_source_is_a_command_of_ours(tmp_path):
         context = program.make_context("comparison", words[:1] if of_its_own else words)
         if of_its_own:
             program.get_command(context, words[0]).make_context(words[0], words[1:])
+
+
+def test_brackets_hold_the_number_before_them():
+    for low, value, high in ((24.6, 24.8, 26.1), (2.54, 2.54, 2.58), (35.6, 35.7, 35.9)):
+        text = cell_text(Cell("a", "b", value, "µs", low, high))
+        number, brackets = text.rstrip(")").split(" (")
+        least, most = map(float, brackets.split("–"))
+        assert least <= float(number) <= most
+        assert least == pytest.approx(low, rel=0.05)
