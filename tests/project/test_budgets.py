@@ -18,11 +18,11 @@ import harpy_pin
 ROOT = Path(__file__).resolve().parents[2]
 CONTRIB = "harpy_pin/contrib/"
 STATEMENTS = {
-    "harpy_pin": 25_600,
+    "harpy_pin": 25_650,
     CONTRIB: 4_300,
     "reproduction": 2_100,
     "comparison": 7_100,
-    "tests": 26_850,
+    "tests": 26_900,
 }
 """Most statements of the Python files that Git tracks in a folder; ``harpy_pin`` is without
 contrib.
@@ -30,7 +30,7 @@ contrib.
 LONGEST_FILE = 350
 """Most statements of a file."""
 MOST_PUBLIC_NAMES = 71
-MOST_WORDS = 21_100
+MOST_WORDS = 21_150
 """Of prose in README, docs and notebooks, without tables, code, formulas and comments."""
 
 

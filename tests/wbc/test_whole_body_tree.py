@@ -311,6 +311,47 @@ def test_a_bad_state_keeps_the_last_answer():
         )
 
 
+@needs_robots
+def test_a_tick_without_an_answer_spoils_none_after_it():
+    """Torques of zero for a tick: what follows is what a new solver finds."""
+    case, new, rng = CASES["go2 stands"](), CASES["go2 stands"](), np.random.default_rng(11)
+    case.solver.solve(case.draw(rng))
+    limits = case.solver.torque_range.copy()
+    case.solver.torque_range[:] = 0.0
+    state = case.draw(rng)
+    check_promise(case, state, case.solver.solve(state))
+    case.solver.torque_range[:] = limits
+    state = case.draw(rng)
+    found = case.solver.solve(state)
+    assert found.status == WholeBodyStatus.OPTIMAL
+    for task, other in zip(case.tasks, new.tasks, strict=True):
+        other.acceleration[:] = task.acceleration
+    new.solver.contact_acceleration[:] = case.solver.contact_acceleration
+    new.solver.reference_force[:] = case.solver.reference_force
+    np.testing.assert_allclose(case.answer(found), new.answer(new.solver.solve(state)), atol=1e-5)
+
+
+@needs_robots
+def test_optimal_keeps_every_limit(fuzz):
+    """Of fast states near the ends, more limits than there is room for: none is dropped without a
+    word.
+    """
+    case, rng = legged("harpy", regularisation=1e-6), np.random.default_rng(1)
+    case = Case(case.robot, case.q, case.tasks, None, case.regularisation, period=2e-3)
+    record = case.solver._record_["limits"]
+    for _ in range(200 * fuzz):
+        state = case.draw(rng, spread=0.3, size=3.0)
+        state.v[6:] *= 10.0
+        solution = case.solver.solve(state)
+        assert np.isfinite(case.answer(solution)).all()
+        assert (np.abs(solution.torque) <= case.solver.torque_range[:, 1]).all()
+        lower, upper = record["acceleration_range"][0].T
+        # ranges of accelerations yield by 1e-6 times their multiplier
+        if solution.status == WholeBodyStatus.OPTIMAL:
+            assert (solution.acceleration[6:] >= lower - 1.0 - 1e-3 * np.abs(lower)).all()
+            assert (solution.acceleration[6:] <= upper + 1.0 + 1e-3 * np.abs(upper)).all()
+
+
 def test_references_are_followed():
     """Positions, rotations and gains: the desired accelerations are those of the tasks' own rows,
     in every axes.

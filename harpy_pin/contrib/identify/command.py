@@ -98,7 +98,7 @@ def excite(
         Path, typer.Option(metavar="FILE", help="Targets and gains, a row each tick: .npz or .csv.")
     ] = Path("motion.npz"),
 ) -> None:
-    """Write a motion for a hung-up robot that makes its joints observable.
+    """Write a motion that makes a hung-up robot's joints known.
 
     Arrays t, target_q, target_v, torque (feedforward), k_p and k_d. With q as the encoders say it,
     they are a log for harpy identify. Watch the first seconds: whether links touch is not checked.

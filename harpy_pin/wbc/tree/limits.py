@@ -9,9 +9,9 @@ with the quantity s in its range and a cost ½ ε_s (s − s₀)²,
 
 so it enters the equation in λ as a thrust does (:mod:`harpy_pin.wbc.tree.newton`), and the
 elimination as a right-hand side. Contacts may fix a torque, so that its ν has no compliance in K.
-So it yields by δ (ν − ν₀), and s₀ and ν₀ move to where s and ν are until both terms are nothing:
-the proximal point method. A range of an acceleration yields by ``COMPLIANCE`` times ν too: a joint
-whose motor is too weak to stop passes its end.
+So it yields by δ (ν − ν₀). ν₀ moves to where ν is, s₀ to where s is within its range, and δ falls,
+until both terms are nothing: the proximal point method. A range of an acceleration yields by
+``COMPLIANCE`` times ν too: a joint whose motor is too weak to stop passes its end.
 
 **Ends of a joint.** An acceleration of the period h is such that the joint keeps its largest
 velocity, does not pass its end, and can still stop before it at the deceleration d:
@@ -44,8 +44,10 @@ YIELD = 0.1
 """δ to begin with, relative to the compliance of forces and motion to the limit's multiplier."""
 COMPLIANCE = 1e-6
 """By which a range of an acceleration yields, as that of contacts."""
-BEYOND = 1e-9
-"""How far a quantity must be beyond its range to be a violation, relative to 1 + the limit."""
+BEYOND, CLIPPED = 1e-9, 1e-6
+"""How far a quantity must be beyond its range to be a violation, and a torque at last to be one
+that does not belong to the motion, relative to 1 + the limit.
+"""
 
 
 class LimitsRecord(RecordOf):
@@ -154,7 +156,10 @@ def add_violated(
     torque: Vector,
 ) -> bool:
     """The limits that torques (joints,) and accelerations violate; whether there are any."""
-    joints, before = m.place.shape[0], n.limits
+    joints, violated = m.place.shape[0], False
+    if n.limits == joints:
+        begin_limits(m, d, e, c, n)  # without those that do not bind
+    before = n.limits
     for bound in range(2 * joints):
         j = bound % joints
         value = torque[j] if bound < joints else e.acceleration[ROOT + j]
@@ -164,13 +169,15 @@ def add_violated(
             end = 1
         elif value > upper + BEYOND * (1.0 + abs(upper)):
             end = 2
-        known = n.limits == joints
+        known = False
         for k in range(before):
             known = known or m.bound[k] == bound
         if end != 0 and not known:
-            n.multiplier[ROOT + n.limits] = 0.0
-            add_limit(m, d, e, c, n, bound, end)
-    return n.limits > before
+            violated = True
+            if n.limits < joints:
+                n.multiplier[ROOT + n.limits] = 0.0
+                add_limit(m, d, e, c, n, bound, end)
+    return violated
 
 
 @kernel
@@ -179,7 +186,7 @@ def within_limits(m: LimitsRecord, torque: Vector) -> bool:
     within = True
     for j in range(torque.shape[0]):
         lower, upper = m.torque_range[j]
-        within = within and lower - 1e-6 * (1.0 + abs(lower)) <= torque[j]
-        within = within and torque[j] <= upper + 1e-6 * (1.0 + abs(upper))
+        within = within and lower - CLIPPED * (1.0 + abs(lower)) <= torque[j]
+        within = within and torque[j] <= upper + CLIPPED * (1.0 + abs(upper))
         torque[j] = min(max(torque[j], lower), upper)
     return within

@@ -44,8 +44,10 @@ SOFTER, SOFT_STEPS, LAST_STEPS = 1e5, 8, 40
 """Factor on ε to begin with, steps with each weight on the way down by tens, and at the true
 weight.
 """
-MOVES = 12
-"""Proximal steps of limits, at most."""
+MOVES, LEAST_YIELD = 16, 1e-12
+"""Proximal steps of limits, at most, and least share of δ, which falls tenfold with each."""
+TOTAL = 500
+"""Newton's steps of a solve, at most."""
 SETTLED = 1e-8
 """How far s₀ may be from s, and how far limits may yield, relative to 1 + the size of s."""
 EXACT = 1e-12
@@ -101,14 +103,13 @@ class NewtonRecord(RecordOf):
     thrust_piece: NDArray[np.int64] = sized("thrusts", whole=True)
     # of each quantity at a limit: 0 within its range, 1 at the lower end, 2 at the upper one
     limit_piece: NDArray[np.int64] = sized("joints", whole=True)
-    steps: int = ZERO  # of the last tick
+    steps: int = ZERO  # of the last solve, in all its searches
 
 
 @kernel
 def find_forces(n: NewtonRecord) -> bool:
     """Forces and thrusts of the optimum, and λ = K⁻¹ (w − G f); whether the root was found."""
     add_momentum(n)
-    n.steps = 0
     if not all_finite(n.target):
         return False
     n.yielding = 1.0
@@ -141,7 +142,7 @@ def move_limits(n: NewtonRecord) -> bool:
             n.multiplier[6 + k] = 0.0
         settled = settled and gap <= SETTLED * (1.0 + abs(s))
         n.limit_last[k] = n.multiplier[6 + k]
-    n.yielding *= 0.1
+    n.yielding = max(0.1 * n.yielding, LEAST_YIELD)
     return settled
 
 
@@ -213,7 +214,7 @@ def _descend(n: NewtonRecord, softer: float, most: int) -> bool:
     s = 6 + n.limits
     multiplier, step, residual = n.multiplier[:s], n.step[:s], n.residual[:s]
     _evaluate(n, softer)
-    for _ in range(most):
+    for _ in range(min(most, TOTAL - n.steps)):
         n.start[:s] = n.soft[:s, :s] @ multiplier
         size = np.max(abs(n.target[:s])) + np.max(abs(n.start[:s]))
         if np.max(abs(residual)) <= EXACT * size:

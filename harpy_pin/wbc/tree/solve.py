@@ -77,20 +77,25 @@ def solve_whole_body(r: WholeBodyRecord, q: Vector, v: Vector) -> int:
     root_equations(e, d.bias, n.compliance, n.demand)
     joint_ends(r.limits, q, v)
     begin_limits(r.limits, d, e, r.contacts, n)
+    n.steps = 0
     found, more = False, True
     for _ in range(ROUNDS):
         if more:
             found = find_forces(n)
             move(r)
             more = add_violated(r.limits, d, e, r.contacts, n, r.joint_torque)
-    found = within_limits(r.limits, r.joint_torque) and found
+    found = within_limits(r.limits, r.joint_torque) and found and not more
     if verdict != GOOD or not (all_finite(e.acceleration) and all_finite(r.joint_torque)):
         n.multiplier[:] = 0.0
         n.limits = 0
         return INVALID
     r.acceleration[:], r.torque[:] = e.acceleration, r.joint_torque
     r.force[:], r.thrust[:] = r.world_force, n.thrust
-    return OPTIMAL if found else SUBOPTIMAL
+    if not found:
+        n.multiplier[:] = 0.0
+        n.limits = 0
+        return SUBOPTIMAL
+    return OPTIMAL
 
 
 @kernel
@@ -125,7 +130,7 @@ def joint_torques(r: WholeBodyRecord) -> None:
     d, n = r.dynamics, r.newton
     for k in range(n.held.shape[0]):
         f = n.force[3 * k : 3 * k + 3]
-        r.world_force[3 * k : 3 * k + 3] = n.held[k] * (r.contacts.frame[k] @ f)
+        r.world_force[3 * k : 3 * k + 3] = r.contacts.frame[k] @ f
     r.joint_torque[:] = d.mass_matrix[6:] @ r.system.acceleration + d.bias[6:]
     if n.held.shape[0] > 0:
         r.joint_torque -= d.foot_jacobian[:, 6:].T @ r.world_force

@@ -47,8 +47,8 @@ class WholeBodyStatus(IntEnum):
 
     OPTIMAL = 0
     SUBOPTIMAL = 1
-    """The search ended at its bound: forces are in their cones, the motion is the one that belongs
-    to them.
+    """The search ended at its bound: forces are in their cones and torques in their ranges. The
+    motion belongs to the forces, and to the torques but for those that were clipped.
     """
     INVALID = 2
     """State or targets were not possible numbers: the solution is that of the last good tick."""
@@ -126,8 +126,10 @@ class WholeBodySolver:
             with.
         contact_frame: (feet, 3, 3) axes of each contact point in the world; the third is the
             normal. Friction and range of its force are in them. Upright to begin with.
-        friction: (feet,) slope of the pyramids' faces.
-        force_range: (feet, 2) least and largest normal force of each contact point that is held, N.
+        friction: (feet,) slope of the pyramids' faces, not negative. What is written in place is
+            not checked.
+        force_range: (feet, 2) least and largest normal force of each contact point that is held, N;
+            0 ≤ least ≤ largest.
         reference_force: (feet, 3) of a plan, from which differences are weighed, world axes, N;
             zero to begin with.
         torque_range: (joints, 2) least and largest torque of each joint, N·m.
