@@ -40,7 +40,7 @@ def identify(
         typer.Option(metavar="FILE", help="Predicted beside measured torque: .png, .pdf or .svg."),
     ] = None,
 ) -> None:
-    """Identify armature, damping, dry friction, bias and delay of each joint from a log.
+    """Find armature, friction and delay of each joint in a log.
 
     The log has t, q (or joint_position) and torque (or joint_torque), or targets and gains of the
     motors; docs/identification.md says all. A number in brackets is not known within a tenth; a
