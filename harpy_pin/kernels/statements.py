@@ -76,9 +76,11 @@ class Statements(Assignments):
             numbers = [as_number(item) for item in value.items]
             kind = self._returns(Tuple(tuple(number.type for number in numbers)))
             assert isinstance(kind, Tuple)
-            pairs = zip(numbers, kind.items, strict=True)
-            codes = joined([self.cast(number, to).code for number, to in pairs])  # type: ignore[arg-type]
-            self.emit("return ({}){{{}}};", self.unit.result_type(kind), codes)
+            codes = []
+            for number, to in zip(numbers, kind.items, strict=True):
+                assert isinstance(to, Scalar)
+                codes.append(self.cast(number, to).code)
+            self.emit("return ({}){{{}}};", self.unit.result_type(kind), joined(codes))
         else:
             number = as_number(value, "a kernel returns numbers or an array of numbers")
             kind = self._returns(number.type)

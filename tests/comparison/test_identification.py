@@ -1,4 +1,4 @@
-"""The study of joints from a log, on Harpy: its models of other robots are in no wheel of the tests."""
+"""The study of joints from a log, on Harpy: no wheel of the tests has other robots."""
 
 from __future__ import annotations
 

@@ -120,4 +120,4 @@ def excite(
             np.savez(file, **sent)
     console.print(f"{out}: {len(plan.t)} rows of {plan.t[1]:g} s, for {', '.join(known.joints)}")
     console.print(f"condition of the regressor: {plan.condition:.1f}")
-    say_next(f"harpy identify LOG.npz --robot {robot}")
+    say_next(f"harpy identify LOG{out.suffix} --robot {robot}")
