@@ -19,7 +19,7 @@ Once it is eliminated, ½ zᵀ Φ z is what is left of the Lagrangian, and its d
     y = w − K λ,    K = −Φ_λλ,    w = Φ_λ1 + n_r
 
 so the cost of y is ½ (w − y)ᵀ K⁻¹ (w − y), with K (6, 6) whatever robot, tasks and contacts are.
-:mod:`~harpy_pin.wbc.tree.newton` chooses y and f; :func:`back_substitute` gives a for its λ.
+:mod:`~harpy_pin.wbc.newton` chooses y and f; :func:`back_substitute` gives a for its λ.
 
 **No fill-in.** A row on the path from the root to a joint adds to H entries between ancestors
 alone. So H has the zeros of the mass matrix, and H = Lᵀ D L, from the tips to the root, keeps them

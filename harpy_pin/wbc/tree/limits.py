@@ -7,7 +7,7 @@ with the quantity s in its range and a cost ½ ε_s (s − s₀)²,
 
     s = clip(s₀ + ν / ε_s),    x a + n − J_xᵀ f = s
 
-so it enters the equation in λ as a thrust does (:mod:`harpy_pin.wbc.tree.newton`), and the
+so it enters the equation in λ as a thrust does (:mod:`harpy_pin.wbc.newton`), and the
 elimination as a right-hand side. Contacts may fix a torque, so that its ν has no compliance in K.
 So it yields by δ (ν − ν₀). ν₀ moves to where ν is, s₀ to where s is within its range, and δ falls,
 until both terms are nothing: the proximal point method. A range of an acceleration yields by
@@ -33,7 +33,7 @@ from harpy_pin.model.dynamics import DynamicsRecord
 from harpy_pin.model.record import RecordOf, sized
 from harpy_pin.model.state import Vector
 from harpy_pin.wbc.tree.elimination import ROOT, EliminationRecord, eliminate_limit, limit_equation
-from harpy_pin.wbc.tree.newton import NewtonRecord
+from harpy_pin.wbc.newton import NewtonRecord
 from harpy_pin.wbc.tree.tasks import ContactsRecord
 
 ROUNDS = 8

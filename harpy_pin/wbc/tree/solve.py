@@ -24,7 +24,7 @@ from harpy_pin.wbc.tree.limits import (
     joint_ends,
     within_limits,
 )
-from harpy_pin.wbc.tree.newton import NewtonRecord, find_forces, root_multiplier
+from harpy_pin.wbc.newton import NewtonRecord, find_forces, root_multiplier
 from harpy_pin.wbc.tree.tasks import (
     ContactsRecord,
     FrameTasksRecord,

@@ -22,7 +22,7 @@ from harpy_pin.model.state import State, Vector
 from harpy_pin.wbc.tasks.task import CentreOfMassTask, FrameTask, JointTask, MomentumTask
 from harpy_pin.wbc.tree.elimination import ROOT, EliminationRecord
 from harpy_pin.wbc.tree.limits import LimitsRecord
-from harpy_pin.wbc.tree.newton import NewtonRecord
+from harpy_pin.wbc.newton import NewtonRecord
 from harpy_pin.wbc.tree.solve import WRONG_SHAPE, WholeBodyRecord, solve_whole_body
 from harpy_pin.wbc.tree.tasks import (
     ContactsRecord,

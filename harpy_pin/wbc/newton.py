@@ -36,7 +36,7 @@ from harpy_pin.model.cholesky import factorise, solve_transposed, solve_vector
 from harpy_pin.model.record import ZERO, RecordOf, sized
 from harpy_pin.model.state import Vector
 from harpy_pin.model.terms import all_finite
-from harpy_pin.wbc.tree.cones import project
+from harpy_pin.wbc.cones import project
 
 STEPS = 12
 """Steps at the true weight of the forces, before it is raised."""
@@ -77,7 +77,7 @@ class NewtonRecord(RecordOf):
     held: Vector = sized("feet", fill=1.0)  # 1 for a force that acts
     friction: Vector = sized("feet")  # of the faces
     force_range: Vector = sized("feet", 2)  # N
-    faces: Vector  # (n, 3) see :func:`~harpy_pin.wbc.tree.cones.project`
+    faces: Vector  # (n, 3) see :func:`~harpy_pin.wbc.cones.project`
     force_weight: float  # ε
     planned: Vector = sized("3 feet")  # f* in the axes of the contacts, N
     thrust_map: Vector = sized("thrusts", "6 + joints")  # Gᵀ of the thrusts
@@ -115,13 +115,14 @@ def find_forces(n: NewtonRecord) -> bool:
     n.yielding = 1.0
     if n.limits == 0:
         return _find_root(n)
-    found = _descend(n, 1.0, STEPS)
+    multiplier = n.multiplier[: 6 + n.limits]
+    found = _descend(n, multiplier, 1.0, STEPS)
     if not found:
         n.multiplier[:] = 0.0
         n.limit_last[:] = 0.0
     for _ in range(MOVES):
         if not found:
-            found = _descend(n, 1.0, LAST_STEPS)
+            found = _descend(n, multiplier, 1.0, LAST_STEPS)
         settled = move_limits(n)
         if found and settled:
             return True
@@ -149,14 +150,15 @@ def move_limits(n: NewtonRecord) -> bool:
 @kernel
 def _find_root(n: NewtonRecord) -> bool:
     """The root; where Newton's steps do not suffice, by forces of a larger weight."""
-    found = _descend(n, 1.0, STEPS)
+    multiplier = n.multiplier[:6]  # of a size known when compiling
+    found = _descend(n, multiplier, 1.0, STEPS)
     if not found:
-        n.multiplier[:] = 0.0
+        multiplier[:] = 0.0
         softer = SOFTER
         while softer > 1.5:
-            _descend(n, softer, SOFT_STEPS)
+            _descend(n, multiplier, softer, SOFT_STEPS)
             softer *= 0.1
-        found = _descend(n, 1.0, LAST_STEPS)
+        found = _descend(n, multiplier, 1.0, LAST_STEPS)
     return found
 
 
@@ -207,42 +209,42 @@ def _largest(matrix: Vector) -> float:
 
 
 @kernel
-def _descend(n: NewtonRecord, softer: float, most: int) -> bool:
+def _descend(n: NewtonRecord, multiplier: Vector, softer: float, most: int) -> bool:
     """Newton's steps from ``multiplier``, with the weight of the forces times ``softer``; whether
     the root is found.
     """
-    s = 6 + n.limits
-    multiplier, step, residual = n.multiplier[:s], n.step[:s], n.residual[:s]
-    _evaluate(n, softer)
+    s = multiplier.shape[0]
+    step, residual = n.step[:s], n.residual[:s]
+    _evaluate(n, multiplier, softer)
     for _ in range(min(most, TOTAL - n.steps)):
         n.start[:s] = n.soft[:s, :s] @ multiplier
         size = np.max(abs(n.target[:s])) + np.max(abs(n.start[:s]))
         if np.max(abs(residual)) <= EXACT * size:
             return True
         n.steps += 1
-        _newton_step(n, softer)
+        _newton_step(n, step, softer)
         n.start[:s] = multiplier
         slope = step @ residual
         multiplier[:] = n.start[:s] + step
-        if _evaluate(n, softer) == 0:
+        if _evaluate(n, multiplier, softer) == 0:
             return True
         if step @ residual > -SLOPE * slope:
-            _search_along(n, softer, slope)
+            _search_along(n, multiplier, softer, slope)
     return False
 
 
 @kernel
-def _evaluate(n: NewtonRecord, softer: float) -> int:
+def _evaluate(n: NewtonRecord, multiplier: Vector, softer: float) -> int:
     """Forces and residual at ``multiplier``; how many forces are on another piece of their cone
     than before.
     """
-    s, changed = 6 + n.limits, 0
-    multiplier, residual = n.multiplier[:s], n.residual[:s]
+    s, changed, per_force = multiplier.shape[0], 0, 1.0 / (softer * n.force_weight)
+    residual = n.residual[:s]
     residual[:] = n.soft[:s, :s] @ multiplier - n.target[:s]
     for k in range(n.held.shape[0]):
         if n.held[k] != 0.0:
             pull, force = n.force_map[3 * k : 3 * k + 3, :s], n.force[3 * k : 3 * k + 3]
-            g = pull @ multiplier / (softer * n.force_weight) + n.planned[3 * k : 3 * k + 3]
+            g = per_force * (pull @ multiplier) + n.planned[3 * k : 3 * k + 3]
             lower, upper = n.force_range[k]
             piece = project(g, n.friction[k], lower, upper, n.faces, force, n.derivative[k])
             changed += 1 if piece != n.piece[k] else 0
@@ -257,7 +259,7 @@ def _evaluate(n: NewtonRecord, softer: float) -> int:
         changed += 1 if piece != n.thrust_piece[k] else 0
         n.thrust_piece[k], n.thrust[k] = piece, min(max(g, lower), upper)
         residual += n.thrust[k] * n.thrust_map[k, :s]
-    for k in range(n.limits):
+    for k in range(s - 6):
         g = n.limit_centre[k] + multiplier[6 + k] / (softer * n.limit_weight[k])
         lower, upper = n.limit_range[k]
         piece = 1 if g < lower else 2 if g > upper else 0
@@ -269,15 +271,15 @@ def _evaluate(n: NewtonRecord, softer: float) -> int:
 
 
 @kernel
-def _newton_step(n: NewtonRecord, softer: float) -> None:
+def _newton_step(n: NewtonRecord, step: Vector, softer: float) -> None:
     """``step`` = −(K + Σ G_k Π_k' G_kᵀ / ε)⁻¹ F."""
-    s = 6 + n.limits
-    matrix, turned, step = n.matrix[:s, :s], n.turned[:, :s], n.step[:s]
+    s, per_force = step.shape[0], 1.0 / (softer * n.force_weight)
+    matrix, turned = n.matrix[:s, :s], n.turned[:, :s]
     matrix[:] = n.soft[:s, :s]
     for k in range(n.held.shape[0]):
         if n.held[k] != 0.0:
             pull = n.force_map[3 * k : 3 * k + 3, :s]
-            turned[:] = n.derivative[k] @ pull / (softer * n.force_weight)
+            turned[:] = per_force * (n.derivative[k] @ pull)
             for i in range(s):
                 matrix[i] += pull[:, i] @ turned
     for k in range(n.thrust.shape[0]):
@@ -285,7 +287,7 @@ def _newton_step(n: NewtonRecord, softer: float) -> None:
             for i in range(s):
                 share = n.thrust_map[k, i] / (softer * n.thrust_weight)
                 matrix[i] += share * n.thrust_map[k, :s]
-    for k in range(n.limits):
+    for k in range(s - 6):
         matrix[6 + k, 6 + k] += n.yielding * n.limit_yield[k]
         if n.limit_piece[k] == 0:
             matrix[6 + k, 6 + k] += 1.0 / (softer * n.limit_weight[k])
@@ -295,17 +297,17 @@ def _newton_step(n: NewtonRecord, softer: float) -> None:
 
 
 @kernel
-def _search_along(n: NewtonRecord, softer: float, slope: float) -> None:
+def _search_along(n: NewtonRecord, multiplier: Vector, softer: float, slope: float) -> None:
     """Go back to where the slope step · F, which grows along the step, is nearly zero (regula
     falsi, Illinois).
     """
-    s = 6 + n.limits
+    s = multiplier.shape[0]
     step, residual = n.step[:s], n.residual[:s]
     low, high, below, above = 0.0, 1.0, slope, np.dot(step, residual)
     for cut in range(CUTS):
         share = low - below * (high - low) / (above - below) if cut < 7 else 0.5 * (low + high)
-        n.multiplier[:s] = n.start[:s] + share * step
-        _evaluate(n, softer)
+        multiplier[:] = n.start[:s] + share * step
+        _evaluate(n, multiplier, softer)
         here = np.dot(step, residual)
         if abs(here) <= -SLOPE * slope:
             return
