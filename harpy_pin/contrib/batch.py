@@ -192,14 +192,10 @@ class CondensedBatch(KeepsViews):
         self.thrust = np.zeros((n, len(robot.thrusters), 3), self.dtype)
         self.force = np.zeros((n, feet, 3), self.dtype)
         self.status = np.zeros(n, dtype=np.int64)
-        searches = [
-            record["condensed"][name]["exchange"]["active"].shape[1] for name in ("free", "limited")
-        ]
-        active, follows = (
-            [np.zeros((n, rows), np.int64) for rows in searches],
-            np.zeros(n, np.int64),
-        )
-        self._memory = (*active, follows, np.zeros((n, *motors["target"].shape[1:])))
+        sizes = (feet, feet, robot.n_thrust, joints)
+        pieces = [np.zeros((n, size), np.int64) for size in sizes]
+        multiplier, target = np.zeros((n, joints)), np.zeros((n, *motors["target"].shape[1:]))
+        self._memory = (*pieces, multiplier, np.zeros(n, np.int64), target)
         model = robot.model
         self._shapes = {"q": (n, model.nq), "v": (n, model.nv), "foot_force": (n, feet, 3)}
 
@@ -209,7 +205,7 @@ class CondensedBatch(KeepsViews):
         return BatchTargets(*(array[...] for array in self._targets))
 
     def reset(self, which: ArrayLike | None = None) -> None:
-        """Forget the active sets and joint targets.
+        """Forget where the searches ended, and joint targets.
 
         Args:
             which: indices or mask of the robots; all by default.
@@ -287,7 +283,15 @@ def step_batch(
         Records[JointTargetsRecord],
         Records[BodyRecord],
     ],
-    memory: tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64], Vector],
+    memory: tuple[
+        NDArray[np.int64],
+        NDArray[np.int64],
+        NDArray[np.int64],
+        NDArray[np.int64],
+        Vector,
+        NDArray[np.int64],
+        Vector,
+    ],
     robots: tuple[Vector, Vector],
     given: tuple[Vector, Vector, Vector],
     targets: tuple[Vector, ...],
@@ -297,15 +301,16 @@ def step_batch(
     :meth:`step`.
     """
     record, gait, motors, body = parts
-    free, limited, follows, target = memory
+    free_piece, limited_piece, thrust_piece, last_end, last_multiplier, follows, target = memory
     mu, mass_error = robots
     q, v, foot_force = given
     torque, thrust, force, law, status = results
     r, d, p, m, b = record[0], record[0].dynamics, record[0].condensed, motors[0], body[0]
     for i in range(begin, end):
         _take_targets(gait[0], targets, i)
-        p.free.exchange.active[:] = free[i]
-        p.limited.exchange.active[:] = limited[i]
+        p.free_piece[:], p.limited_piece[:] = free_piece[i], limited_piece[i]
+        p.newton.thrust_piece[:] = thrust_piece[i]
+        p.limits.last_end[:], p.limits.last_multiplier[:] = last_end[i], last_multiplier[i]
         d.tree.mass[0] = (1.0 + mass_error[i]) * b.mass
         d.tree.inertia[0] = (1.0 + mass_error[i]) * b.inertia
         r.targets.friction[:] = mu[i]
@@ -314,7 +319,7 @@ def step_batch(
         if task_terms(r, gait[0], q[i], v[i], foot_force[i]) == GOOD:
             solve_condensed(d, r.targets, p, v[i], d.tree.rotation)
             forces_in_world(r.targets, p.force)
-            status[i] = p.status_and_systems[0]
+            status[i] = p.status_and_steps[0]
             move_targets(m, p.root.acceleration, status[i] & TORQUE_CLIPPED == 0, q[i], v[i])
         else:
             p.inputs[:] = 0.0
@@ -322,8 +327,9 @@ def step_batch(
             m.law[:] = 0.0
             m.follows = 0
             status[i] = BAD_STATE
-        free[i] = p.free.exchange.active
-        limited[i] = p.limited.exchange.active
+        free_piece[i], limited_piece[i] = p.free_piece, p.limited_piece
+        thrust_piece[i] = p.newton.thrust_piece
+        last_end[i], last_multiplier[i] = p.limits.last_end, p.limits.last_multiplier
         follows[i] = m.follows
         target[i] = m.target
         write_thrusts(d, p.inputs, thrust[i])

@@ -58,13 +58,13 @@ class CondensedController(TaskController):
         )
         self._intended = self.solver.acceleration
         self._clipped = field(self.solver._record_, "clipped")
-        status, systems = (
-            field(self.solver._record_, "status_and_systems")[k, ...] for k in range(2)
+        status, steps = (
+            field(self.solver._record_, "status_and_steps")[k, ...] for k in range(2)
         )
         self._signals |= {
             "desired_force": self.solver.force,
             "condensed_status": status,
-            "law_systems": systems,
+            "newton_steps": steps,
         }
         self._step.prepare(
             self._record_, self.target._record_, *self._measured(State(0.0, *self._sample))

@@ -43,7 +43,7 @@ def condensed_step(
         finish_optimum(r)
         write_thrusts(d, optimum.inputs, r.thrust)
     write_inputs(r, optimum.inputs, d.rotor_axis.shape[0] > 0)
-    return optimum.status_and_systems[0] if r.verdict == GOOD else BAD_SAMPLE
+    return optimum.status_and_steps[0] if r.verdict == GOOD else BAD_SAMPLE
 
 
 @kernel

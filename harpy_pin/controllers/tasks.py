@@ -43,7 +43,7 @@ from harpy_pin.model.state import Vector
 from harpy_pin.model.terms import update_terms
 from harpy_pin.model.tree import TreeRecord
 from harpy_pin.model.vectors import quaternion_product
-from harpy_pin.wbc.condensed.force_program import TargetsRecord, note_centre_drift
+from harpy_pin.wbc.targets import TargetsRecord, note_centre_drift
 
 MAX_LEAN = 0.4
 """Largest angle between the thrust that is desired and the vertical, rad."""

@@ -241,4 +241,4 @@ def lagged_step(
         count_from_kept(lag, d, -1.0)
         finish_optimum(r)
     write_inputs(r, p.inputs, True)
-    return p.status_and_systems[0] if r.verdict == GOOD else BAD_SAMPLE
+    return p.status_and_steps[0] if r.verdict == GOOD else BAD_SAMPLE

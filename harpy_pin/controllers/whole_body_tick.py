@@ -3,7 +3,7 @@
 The kernel has this library's own search (:mod:`harpy_pin.wbc.active_set_warm_start`). With another
 solver Python calls the phases, and that solver between them. A tick solves up to three programs:
 with limits of thrusts and torques; where one of them is reached, without them; and again with them,
-after tasks gave way (:mod:`harpy_pin.wbc.condensed.limits`).
+after tasks gave way (:mod:`harpy_pin.wbc.giving_way`).
 """
 
 from __future__ import annotations
@@ -29,8 +29,8 @@ from harpy_pin.model.record import ZERO, RecordOf, sized
 from harpy_pin.model.state import Vector
 from harpy_pin.model.terms import write_thrusts
 from harpy_pin.wbc.active_set_warm_start import INACCURATE, solve_further, start_tick
-from harpy_pin.wbc.condensed.active_set import ActiveSetRecord, DualRecord, ProgramRecord
-from harpy_pin.wbc.condensed.limits import at_a_limit, outside
+from harpy_pin.wbc.active_set import ActiveSetRecord, DualRecord, ProgramRecord
+from harpy_pin.wbc.giving_way import at_a_limit, outside
 from harpy_pin.wbc.contact_force import ContactForceRecord
 from harpy_pin.wbc.formulations import FORMULATIONS
 from harpy_pin.wbc.problem import FormulationRecord

@@ -1,7 +1,7 @@
 """The solvers of this library: the dual active-set method, and the warm start from the last active
 set.
 
-The kernels of both searches are in :mod:`harpy_pin.wbc.condensed.active_set`. Where the exchange of
+The kernels of both searches are in :mod:`harpy_pin.wbc.active_set`. Where the exchange of
 the last active set takes too long, the dual method follows. Both have a bound on their iterations.
 Where the dual method fails, too, there is no solution, and a controller holds its last command.
 
@@ -20,7 +20,7 @@ from harpy_pin.kernels import kernel
 from harpy_pin.model.memory import fixed_arrays
 from harpy_pin.model.record import Records, field, make_record
 from harpy_pin.model.state import Vector
-from harpy_pin.wbc.condensed.active_set import (
+from harpy_pin.wbc.active_set import (
     CONTRADICTORY,
     EXCHANGES,
     EXHAUSTED,

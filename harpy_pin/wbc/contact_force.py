@@ -27,25 +27,20 @@ import numpy as np
 from harpy_pin import checks
 from harpy_pin.errors import InputError
 from harpy_pin.kernels import kernel
+from harpy_pin.model.cholesky import solve_factor, solve_transposed
 from harpy_pin.model.dynamics import DynamicsRecord
 from harpy_pin.model.record import Record, RecordOf, field, make_record, sized
 from harpy_pin.model.state import Vector
-from harpy_pin.wbc.condensed.active_set import ProgramRecord
+from harpy_pin.wbc.active_set import ProgramRecord
 from harpy_pin.wbc.condensed.condense import (
     CondensationRecord,
     eliminate_limbs,
+    joint_torques,
     recover,
     root_factor,
+    root_of_centre,
 )
 from harpy_pin.wbc.condensed.condensed_solver import condensation_record
-from harpy_pin.wbc.condensed.force_program import (
-    TargetsRecord,
-    force_bounds,
-    force_objective,
-    friction_rows,
-    root_acceleration,
-)
-from harpy_pin.wbc.condensed.limits import input_map
 from harpy_pin.wbc.problem import (
     FormulationKernels,
     FormulationRecord,
@@ -53,6 +48,7 @@ from harpy_pin.wbc.problem import (
     enter_pyramids,
 )
 from harpy_pin.wbc.program import QuadraticProgram
+from harpy_pin.wbc.targets import TargetsRecord, force_bounds, friction_rows, root_acceleration
 
 
 class ContactForceRecord(RecordOf):
@@ -159,6 +155,134 @@ def _build(
             qp.inequality[row] = 0.0
             qp.lower[row], qp.upper[row] = -1.0, 1.0
             m.at_rest[c] = min(max(m.at_rest[c], low), high)
+
+
+@kernel
+def force_objective(
+    t: TargetsRecord,
+    p: FormulationRecord,
+    e: CondensationRecord,
+    response: Vector,
+    qp: ProgramRecord,
+) -> None:
+    """H and g; the identity for the force of a swing foot, which is zero; ``response`` becomes L⁻ᵀ
+    G_f.
+    """
+    response[:] = e.force_map
+    root_cost(e, response, qp)
+    for a in range(response.shape[1]):
+        qp.hessian[a, a] += p.w_force if t.held[a // 3] != 0.0 else 1.0
+
+
+@kernel
+def root_cost(e: CondensationRecord, response: Vector, qp: ProgramRecord) -> None:
+    """H = Gᵀ K⁻¹ G and g = −Gᵀ K⁻¹ w, with K = Lᵀ L; ``response`` (6, n) is G, and becomes L⁻ᵀ
+    G.
+    """
+    n = response.shape[1]
+    solve_transposed(e.factor, response, n)
+    e.multiplier[:] = e.right_hand_side
+    solve_transposed(e.factor, e.multiplier.reshape((6, 1)), 1)
+    qp.gradient[:n] = -(response.T @ e.multiplier)
+    for a in range(n):
+        for b in range(a + 1):
+            qp.hessian[a, b] = qp.hessian[b, a] = response[:, a] @ response[:, b]
+
+
+@kernel
+def input_map(
+    d: DynamicsRecord,
+    t: TargetsRecord,
+    e: CondensationRecord,
+    v: Vector,
+    response: Vector,
+    gain: Vector,
+    at_rest: Vector,
+    fixed: bool,
+) -> None:
+    """Thrusts and torques as an affine function of the contact forces: [u; τ] = at_rest + gain f.
+
+    With all of o fixed at zero, they are a function of y = [u; …], which holds the force of a
+    stance foot and the free acceleration of a swing foot: [u; τ] = at_rest + gain y. Between them
+    are the free accelerations ε.
+
+    ``response`` (6, n) is L⁻ᵀ G of these variables and becomes K⁻¹ G; ``gain`` (thrusts + joints,
+    n) and ``at_rest`` (thrusts + joints,) are written; ``fixed`` says whether all of o is.
+    """
+    n, thrusts = response.shape[1], d.thruster_jacobian.shape[0]
+    first = thrusts + e.others.shape[0]
+    nothing = np.zeros(n - first if fixed else n)
+    recover(e, nothing)
+    at_rest[:thrusts] = e.free_acceleration[:thrusts]
+    joint_torques(d, e, v, nothing, at_rest[thrusts:])
+    solve_factor(e.factor, response, n)
+    _free_per_unit(t, e, response, first, fixed)
+    _motion_per_unit(t, e, response, thrusts)
+    _input_per_unit(d, t, e, gain, first if fixed else 0)
+
+
+@kernel
+def _free_per_unit(
+    t: TargetsRecord, e: CondensationRecord, response: Vector, first: int, fixed: bool
+) -> None:
+    """Entries of o per unit of each variable, into ``free_per_unit``."""
+    free, n = e.free_per_unit, response.shape[1]
+    for c in range(e.inverse_weight.shape[0]):
+        free[c, :n] = -e.inverse_weight[c] * (e.free_map[:, c] @ response)
+        if e.inverse_weight[c] != 0.0:
+            continue
+        if fixed and (c < first or t.held[(c - first) // 3] == 0.0):
+            free[c, c] = 1.0
+
+
+@kernel
+def _motion_per_unit(
+    t: TargetsRecord, e: CondensationRecord, response: Vector, thrusts: int
+) -> None:
+    """Generalised accelerations per unit of each variable, into ``motion_per_unit``."""
+    free, motion, n = e.free_per_unit, e.motion_per_unit, response.shape[1]
+    for j in range(6):
+        motion[j, :n] = e.inverse_body_weight[j] * e.mass[:, j] @ response
+    if e.centred:
+        root_of_centre(e, motion, free, n, 0.0)
+    others = e.others.shape[0]
+    first = thrusts + others
+    for c in range(others):
+        motion[e.others[c], :n] = free[thrusts + c, :n]
+    limbs, joints, rows = e.inverse.shape
+    for k in range(limbs):
+        held = t.held[rows * k // 3] != 0.0
+        for b in range(joints):
+            row = motion[e.limb[k, b], :n]
+            row[:] = e.limb_map[k, b] @ motion[:6, :n]
+            if not held:
+                row += e.inverse[k, b] @ free[first + rows * k : first + rows * (k + 1), :n]
+
+
+@kernel
+def _input_per_unit(
+    d: DynamicsRecord, t: TargetsRecord, e: CondensationRecord, gain: Vector, first: int
+) -> None:
+    """Thrusts and torques per unit of each variable; the columns of the feet begin at ``first``."""
+    free, motion, n = e.free_per_unit, e.motion_per_unit, gain.shape[1]
+    nv, thrusts = d.bias.shape[0], d.thruster_jacobian.shape[0]
+    gain[:thrusts] = free[:thrusts, :n]
+    gain[thrusts:] = 0.0
+    for j in range(6, nv):
+        row = gain[thrusts + j - 6]
+        for i in range(nv):
+            if d.mass_matrix[j, i] != 0.0:  # limbs do not feel each other
+                row += d.mass_matrix[j, i] * motion[i, :n]
+        for c in range(thrusts):
+            if d.thruster_jacobian[c, j] != 0.0:
+                row -= d.thruster_jacobian[c, j] * free[c, :n]
+    limbs, joints, rows = e.inverse.shape
+    for k in range(limbs):
+        if t.held[rows * k // 3] != 0.0:
+            jacobian, column = d.foot_jacobian[rows * k : rows * (k + 1)], first + rows * k
+            for b in range(joints):
+                j = e.limb[k, b]
+                gain[thrusts + j - 6, column : column + rows] -= jacobian[:, j]
 
 
 @kernel

@@ -12,9 +12,8 @@ from harpy_pin.model.dynamics import DynamicsRecord
 from harpy_pin.model.record import Record, RecordOf, make_record, sized
 from harpy_pin.model.state import Vector
 from harpy_pin.model.terms import flat_foot_rows
-from harpy_pin.wbc.condensed.active_set import UNBOUNDED, ProgramRecord
-from harpy_pin.wbc.condensed.force_program import TargetsRecord, force_bounds, friction_rows
-from harpy_pin.wbc.condensed.limits import share_of_least_force, share_of_swing
+from harpy_pin.wbc.active_set import UNBOUNDED, ProgramRecord
+from harpy_pin.wbc.giving_way import share_of_least_force, share_of_swing
 from harpy_pin.wbc.problem import (
     FormulationKernels,
     FormulationRecord,
@@ -26,6 +25,7 @@ from harpy_pin.wbc.problem import (
     mirror,
 )
 from harpy_pin.wbc.program import QuadraticProgram
+from harpy_pin.wbc.targets import TargetsRecord, force_bounds, friction_rows
 
 
 class FullRecord(RecordOf):

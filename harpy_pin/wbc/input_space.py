@@ -27,9 +27,8 @@ from harpy_pin.model.contact_map import (
 from harpy_pin.model.dynamics import DynamicsRecord
 from harpy_pin.model.record import Record, field
 from harpy_pin.model.state import Vector
-from harpy_pin.wbc.condensed.active_set import UNBOUNDED, ProgramRecord
-from harpy_pin.wbc.condensed.force_program import TargetsRecord, friction_limits
-from harpy_pin.wbc.condensed.limits import share_of_least_force, share_of_swing
+from harpy_pin.wbc.active_set import UNBOUNDED, ProgramRecord
+from harpy_pin.wbc.giving_way import share_of_least_force, share_of_swing
 from harpy_pin.wbc.problem import (
     FormulationKernels,
     FormulationRecord,
@@ -40,6 +39,7 @@ from harpy_pin.wbc.problem import (
     mirror,
 )
 from harpy_pin.wbc.program import QuadraticProgram
+from harpy_pin.wbc.targets import TargetsRecord, friction_limits
 
 
 class InputSpaceProblem(WholeBodyProblem):

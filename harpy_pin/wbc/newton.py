@@ -28,15 +28,18 @@ is in its cones; the motion that belongs to it follows from λ = K⁻¹ (w − G
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 from numpy.typing import NDArray
 
-from harpy_pin.kernels import kernel
+from harpy_pin.kernels import ByPrecision, kernel
 from harpy_pin.model.cholesky import factorise, solve_transposed, solve_vector
-from harpy_pin.model.record import ZERO, RecordOf, sized
+from harpy_pin.model.record import ZERO, RecordOf, Records, make_record, sized
 from harpy_pin.model.state import Vector
 from harpy_pin.model.terms import all_finite
-from harpy_pin.wbc.cones import project
+from harpy_pin.wbc.cones import on_piece, project
+from harpy_pin.wbc.weights import WholeBodyLimits
 
 STEPS = 12
 """Steps at the true weight of the forces, before it is raised."""
@@ -44,14 +47,22 @@ SOFTER, SOFT_STEPS, LAST_STEPS = 1e5, 8, 40
 """Factor on ε to begin with, steps with each weight on the way down by tens, and at the true
 weight.
 """
+YIELD = ByPrecision(1e-4, single=1e-2)
+"""δ to begin with, relative to the compliance of forces and motion to the limit's multiplier."""
+LIGHT = 0.03
+"""ε_s of torques, in weights of the square of a force."""
 MOVES, LEAST_YIELD = 16, 1e-12
 """Proximal steps of limits, at most, and least share of δ, which falls tenfold with each."""
 TOTAL = 500
 """Newton's steps of a solve, at most."""
 SETTLED = 1e-8
 """How far s₀ may be from s, and how far limits may yield, relative to 1 + the size of s."""
-EXACT = 1e-12
+EXACT = ByPrecision(1e-12, single=1e-6)
 """Residual, relative to the terms of the equation, that is rounding."""
+GUESSED = ByPrecision(1e-10, single=1e-5)
+"""Residual that a guess may leave: it does not begin at the root of the last step, and so is less
+exact.
+"""
 SLOPE = 0.1
 """Share of the slope along a step that the search along it leaves."""
 CUTS = 25
@@ -82,7 +93,7 @@ class NewtonRecord(RecordOf):
     planned: Vector = sized("3 feet")  # f* in the axes of the contacts, N
     thrust_map: Vector = sized("thrusts", "6 + joints")  # Gᵀ of the thrusts
     thrust_weight: float
-    thrust_range: Vector  # (thrusts, 2) N
+    thrust_range: Vector = sized("thrusts", 2)  # N
     limit_range: Vector = sized("joints", 2)  # of each quantity at a limit
     limit_weight: Vector = sized("joints", fill=1.0)  # ε_s
     limit_centre: Vector = sized("joints")  # s₀
@@ -106,6 +117,30 @@ class NewtonRecord(RecordOf):
     steps: int = ZERO  # of the last solve, in all its searches
 
 
+def newton_record(
+    sizes: Mapping[str, int], limits: WholeBodyLimits, *, force_weight: float, thrust_weight: float
+) -> Records[NewtonRecord]:
+    """A new :class:`NewtonRecord`, with the faces and the friction of the limits.
+
+    Args:
+        sizes: of the robot.
+        limits: friction of the ground and faces of the pyramids.
+        force_weight: ε.
+        thrust_weight: of the thrusts.
+    """
+    angle = 2.0 * np.pi * np.arange(int(limits.faces)) / limits.faces
+    return make_record(
+        NewtonRecord,
+        sizes,
+        friction=np.full(sizes["feet"], limits.friction_share * limits.mu * limits.inscribed),
+        faces=np.column_stack(
+            (np.cos(angle), np.sin(angle), np.full(len(angle), np.tan(np.pi / limits.faces)))
+        ),
+        force_weight=force_weight,
+        thrust_weight=thrust_weight,
+    )
+
+
 @kernel
 def find_forces(n: NewtonRecord) -> bool:
     """Forces and thrusts of the optimum, and λ = K⁻¹ (w − G f); whether the root was found."""
@@ -116,18 +151,42 @@ def find_forces(n: NewtonRecord) -> bool:
     if n.limits == 0:
         return _find_root(n)
     multiplier = n.multiplier[: 6 + n.limits]
-    found = _descend(n, multiplier, 1.0, STEPS)
+    found = _descend(n, multiplier, 1.0, STEPS, True)
     if not found:
         n.multiplier[:] = 0.0
         n.limit_last[:] = 0.0
     for _ in range(MOVES):
         if not found:
-            found = _descend(n, multiplier, 1.0, LAST_STEPS)
+            found = _descend(n, multiplier, 1.0, LAST_STEPS, False)
         settled = move_limits(n)
         if found and settled:
             return True
         found = False
     return False
+
+
+@kernel
+def forget(n: NewtonRecord) -> None:
+    """The next search starts without limits, and with every force inside its cone."""
+    n.piece[:] = 0
+    n.thrust_piece[:] = 0
+    n.multiplier[:] = 0.0
+    n.limits = 0
+
+
+@kernel
+def enter_limit(n: NewtonRecord, lower: float, upper: float, end: int, weight: float) -> None:
+    """One limit more, at its lower end, 1, or its upper one, 2: its row of K, entry of w, columns of
+    the maps and multiplier are there already. ``weight`` is ε_s.
+    """
+    k, at = n.limits, 6 + n.limits
+    n.limit_range[k, 0], n.limit_range[k, 1], n.limit_weight[k] = lower, upper, weight
+    n.limit_piece[k] = end
+    n.limit_centre[k] = n.limit_range[k, end - 1]
+    n.limit_last[k] = n.multiplier[at]
+    column = n.force_map[:, at]
+    n.limit_yield[k] = YIELD * (n.compliance[at, at] + column @ column / n.force_weight)
+    n.limits += 1
 
 
 @kernel
@@ -151,14 +210,14 @@ def move_limits(n: NewtonRecord) -> bool:
 def _find_root(n: NewtonRecord) -> bool:
     """The root; where Newton's steps do not suffice, by forces of a larger weight."""
     multiplier = n.multiplier[:6]  # of a size known when compiling
-    found = _descend(n, multiplier, 1.0, STEPS)
+    found = _descend(n, multiplier, 1.0, STEPS, True)
     if not found:
         multiplier[:] = 0.0
         softer = SOFTER
         while softer > 1.5:
-            _descend(n, multiplier, softer, SOFT_STEPS)
+            _descend(n, multiplier, softer, SOFT_STEPS, False)
             softer *= 0.1
-        found = _descend(n, multiplier, 1.0, LAST_STEPS)
+        found = _descend(n, multiplier, 1.0, LAST_STEPS, False)
     return found
 
 
@@ -209,28 +268,53 @@ def _largest(matrix: Vector) -> float:
 
 
 @kernel
-def _descend(n: NewtonRecord, multiplier: Vector, softer: float, most: int) -> bool:
+def _descend(n: NewtonRecord, multiplier: Vector, softer: float, most: int, guess: bool) -> bool:
     """Newton's steps from ``multiplier``, with the weight of the forces times ``softer``; whether
     the root is found.
+
+    With ``guess`` the first one does not begin there: it goes to the root, if every force were on
+    the piece on which it is at hand.
     """
     s = multiplier.shape[0]
-    step, residual = n.step[:s], n.residual[:s]
-    _evaluate(n, multiplier, softer)
-    for _ in range(min(most, TOTAL - n.steps)):
-        n.start[:s] = n.soft[:s, :s] @ multiplier
-        size = np.max(abs(n.target[:s])) + np.max(abs(n.start[:s]))
-        if np.max(abs(residual)) <= EXACT * size:
-            return True
+    start, step, residual, matrix = n.start[:s], n.step[:s], n.residual[:s], n.matrix[:s, :s]
+    if not guess:
+        _evaluate(n, multiplier, softer)
+    for count in range(min(most, TOTAL - n.steps)):
         n.steps += 1
-        _newton_step(n, step, softer)
-        n.start[:s] = multiplier
+        start[:] = 0.0
+        _linearise(n, step, softer)
+        if not guess or count > 0:
+            start[:] = multiplier
+            step[:] = -residual
+        solve_vector(matrix, step)
         slope = step @ residual
-        multiplier[:] = n.start[:s] + step
-        if _evaluate(n, multiplier, softer) == 0:
+        multiplier[:] = start + step
+        changed = _evaluate(n, multiplier, softer)
+        guessed = guess and count == 0
+        if changed == 0 and not guessed:
             return True
-        if step @ residual > -SLOPE * slope:
-            _search_along(n, multiplier, softer, slope)
+        if _settled(n, multiplier, GUESSED if changed == 0 else EXACT):
+            return True
+        ahead = step @ residual
+        if not guessed:
+            if ahead > -SLOPE * slope:
+                _search_along(n, multiplier, softer, slope)
+        else:
+            left, nothing = np.max(abs(residual)), np.max(abs(n.target[:s]))
+            if left > nothing:  # worse than no guess
+                multiplier[:] = 0.0
+                _evaluate(n, multiplier, softer)
     return False
+
+
+@kernel
+def _settled(n: NewtonRecord, multiplier: Vector, share: float) -> bool:
+    """Whether the residual is at most a share of the terms of the equation."""
+    size, worst = 0.0, 0.0
+    for i in range(multiplier.shape[0]):
+        size = max(size, abs(n.target[i]) + abs(n.soft[i, i] * multiplier[i]))
+        worst = max(worst, abs(n.residual[i]))
+    return worst <= share * size
 
 
 @kernel
@@ -246,7 +330,7 @@ def _evaluate(n: NewtonRecord, multiplier: Vector, softer: float) -> int:
             pull, force = n.force_map[3 * k : 3 * k + 3, :s], n.force[3 * k : 3 * k + 3]
             g = per_force * (pull @ multiplier) + n.planned[3 * k : 3 * k + 3]
             lower, upper = n.force_range[k]
-            piece = project(g, n.friction[k], lower, upper, n.faces, force, n.derivative[k])
+            piece = project(g, n.friction[k], lower, upper, n.faces, force)
             changed += 1 if piece != n.piece[k] else 0
             n.piece[k] = piece
             residual += pull.T @ force
@@ -271,29 +355,41 @@ def _evaluate(n: NewtonRecord, multiplier: Vector, softer: float) -> int:
 
 
 @kernel
-def _newton_step(n: NewtonRecord, step: Vector, softer: float) -> None:
-    """``step`` = −(K + Σ G_k Π_k' G_kᵀ / ε)⁻¹ F."""
-    s, per_force = step.shape[0], 1.0 / (softer * n.force_weight)
-    matrix, turned = n.matrix[:s, :s], n.turned[:, :s]
+def _linearise(n: NewtonRecord, root: Vector, softer: float) -> None:
+    """F, if every force were on its piece wherever λ is: the factor of its derivative, and the
+    right-hand side whose solution is its root.
+    """
+    s, per_force = root.shape[0], 1.0 / (softer * n.force_weight)
+    matrix, turned, offset = n.matrix[:s, :s], n.turned[:, :s], np.empty((3,))
     matrix[:] = n.soft[:s, :s]
+    root[:] = n.target[:s]
     for k in range(n.held.shape[0]):
         if n.held[k] != 0.0:
-            pull = n.force_map[3 * k : 3 * k + 3, :s]
-            turned[:] = per_force * (n.derivative[k] @ pull)
+            pull, slope = n.force_map[3 * k : 3 * k + 3, :s], n.derivative[k]
+            lower, upper = n.force_range[k]
+            on_piece(n.piece[k], n.friction[k], lower, upper, n.faces, offset, slope)
+            offset += slope @ n.planned[3 * k : 3 * k + 3]
+            root -= pull.T @ offset
+            turned[:] = per_force * (slope @ pull)
             for i in range(s):
                 matrix[i] += pull[:, i] @ turned
     for k in range(n.thrust.shape[0]):
-        if n.thrust_piece[k] == 0:
+        column, end = n.thrust_map[k, :s], n.thrust_piece[k]
+        if end == 0:
             for i in range(s):
-                share = n.thrust_map[k, i] / (softer * n.thrust_weight)
-                matrix[i] += share * n.thrust_map[k, :s]
+                matrix[i] += column[i] / (softer * n.thrust_weight) * column
+        else:
+            root -= n.thrust_range[k, end - 1] * column
     for k in range(s - 6):
         matrix[6 + k, 6 + k] += n.yielding * n.limit_yield[k]
-        if n.limit_piece[k] == 0:
+        root[6 + k] += n.yielding * n.limit_yield[k] * n.limit_last[k]
+        end = n.limit_piece[k]
+        if end == 0:
             matrix[6 + k, 6 + k] += 1.0 / (softer * n.limit_weight[k])
+            root[6 + k] -= n.limit_centre[k]
+        else:
+            root[6 + k] -= n.limit_range[k, end - 1]
     factorise(matrix, matrix, MIN_PIVOT * _largest(matrix))
-    step[:] = -n.residual[:s]
-    solve_vector(matrix, step)
 
 
 @kernel

@@ -44,8 +44,8 @@ from harpy_pin.model.memory import KeepsViews, fixed_arrays
 from harpy_pin.model.record import ZERO, Record, Records, field, make_record
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
-from harpy_pin.wbc.condensed.force_program import ProblemRecord, TargetsRecord, root_acceleration
 from harpy_pin.wbc.program import QuadraticProgram
+from harpy_pin.wbc.targets import ProblemRecord, TargetsRecord, root_acceleration
 from harpy_pin.wbc.tasks.built_in import joint_weights
 from harpy_pin.wbc.weights import (
     WholeBodyLimits,
@@ -271,7 +271,7 @@ class WholeBodyProblem(KeepsViews):
 
 def enter_pyramids(program: QuadraticProgram, pyramid: Vector, feet: int, *, force: int) -> None:
     """Enter the rows of pyramids and normal forces on force variables from index ``force``; see
-    :func:`~harpy_pin.wbc.condensed.force_program.friction_rows`."""
+    :func:`~harpy_pin.wbc.targets.friction_rows`."""
     rows = len(pyramid) + 1
     for k in range(feet):
         first, x = program.bounded + rows * k, force + 3 * k

@@ -19,7 +19,7 @@ from harpy_pin.kernels import kernel
 from harpy_pin.model.memory import KeepsViews, fixed_arrays
 from harpy_pin.model.record import Records, field, make_record
 from harpy_pin.model.state import Vector
-from harpy_pin.wbc.condensed.active_set import ProgramRecord, equality_residual, row_value
+from harpy_pin.wbc.active_set import ProgramRecord, equality_residual, row_value
 
 MAX_SIZE = 10_000
 """Most variables, or rows, of a program."""

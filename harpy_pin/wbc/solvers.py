@@ -22,8 +22,8 @@ from harpy_pin.kernels import kernel
 from harpy_pin.model.memory import fixed_arrays
 from harpy_pin.model.record import RecordOf, Records, field, make_record, sized
 from harpy_pin.model.state import Vector
+from harpy_pin.wbc.active_set import UNBOUNDED, ProgramRecord
 from harpy_pin.wbc.active_set_warm_start import WarmStartedActiveSet
-from harpy_pin.wbc.condensed.active_set import UNBOUNDED, ProgramRecord
 from harpy_pin.wbc.program import QPSolver, QPStatus, QuadraticProgram
 
 MAX_STEPS = 1_000_000

@@ -17,7 +17,7 @@ from harpy_pin.model.memory import KeepsViews, fixed_arrays
 from harpy_pin.model.record import Record, Records, field, make_record, same_layout
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
-from harpy_pin.wbc.condensed.force_program import TargetsRecord
+from harpy_pin.wbc.targets import TargetsRecord
 
 MAX_FRICTION = 10.0
 """Largest friction coefficient: rubber on rubber has less than two."""
@@ -92,7 +92,7 @@ class WholeBodyLimits:
         torque_scale: share of the motors' peak torque used, at most 1e6.
         give_way: share of a swing foot's weight that is left where motors are at their limits,
             above zero; there a stance foot may also bear less than f_min
-            (:mod:`harpy_pin.wbc.condensed.limits`). One: nothing gives way.
+            (:mod:`harpy_pin.wbc.giving_way`). One: nothing gives way.
     """
 
     mu: float = 0.25

@@ -11,7 +11,7 @@ from harpy_pin.model.contact_map import (
 )
 from harpy_pin.model.record import field
 from harpy_pin.model.terms import read_thrusts
-from harpy_pin.wbc.condensed.force_program import note_centre_drift
+from harpy_pin.wbc.targets import note_centre_drift
 
 WORLD = pin.LOCAL_WORLD_ALIGNED
 

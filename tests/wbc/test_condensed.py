@@ -16,7 +16,6 @@ from whole_body_oracle import NV, ROBOT, SUPPORTS, WEIGHTS, wild_case
 import harpy_pin as hp
 from harpy_pin.wbc import WholeBodyLimits, WholeBodyTargets, make_problem, make_solver
 from harpy_pin.wbc.condensed import CondensedSolver, CondensedStatus
-from harpy_pin.wbc.condensed.force_program import into_cones
 from reproduction.chattering import chattering
 
 
@@ -64,32 +63,6 @@ def test_promise_for_every_state_and_target(fuzz):
     # The states and targets reached what they were to reach.
     assert seen & CondensedStatus.THRUST_LIMITED
     assert seen & CondensedStatus.TORQUE_LIMITED
-
-
-def test_whatever_the_search_leaves_is_put_into_the_pyramids():
-    rng = np.random.default_rng(1)
-    condensed, targets = (
-        CondensedSolver(ROBOT, WEIGHTS, WholeBodyLimits(mu=0.3)),
-        WholeBodyTargets(ROBOT),
-    )
-    for _ in range(2000):
-        before = rng.normal(size=(2, 3)) * 10.0 ** rng.uniform(-2, 4)
-        targets.held[:] = SUPPORTS[rng.integers(4)]
-        targets.force_range[:] = np.sort(rng.uniform(0.0, 200.0, 2))
-        condensed.force[:] = before
-        into_cones(targets._record_[0], condensed._record_[0])
-        for k in range(2):
-            if targets.held[k] == 0.0:
-                assert (condensed.force[k] == 0.0).all()
-                continue
-            least, most = targets.force_range[k]
-            assert condensed.force[k, 2] == np.clip(before[k, 2], least, most)
-            assert (condensed.limits.pyramid @ condensed.force[k]).min() >= -1e-12 * (1.0 + most)
-            if (
-                least <= before[k, 2] <= most
-                and (condensed.limits.pyramid @ before[k]).min() >= 0.0
-            ):
-                np.testing.assert_array_equal(condensed.force[k], before[k])
 
 
 @pytest.mark.parametrize("centred", [False, True])

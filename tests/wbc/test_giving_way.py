@@ -12,8 +12,8 @@ import harpy_pin as hp
 from harpy_pin.controllers import CondensedController, WholeBodyController, WholeBodyParameters
 from harpy_pin.wbc import WholeBodyLimits, make_problem, make_solver
 from harpy_pin.wbc.condensed import CondensedSolver, CondensedStatus
-from harpy_pin.wbc.condensed.active_set import VIOLATION
-from harpy_pin.wbc.condensed.limits import SPAN
+from harpy_pin.wbc.active_set import VIOLATION
+from harpy_pin.wbc.giving_way import SPAN
 
 DAMPED = hp.Actuators(viscous_friction=4.9).damped(ROBOT)
 

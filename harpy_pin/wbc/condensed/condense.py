@@ -37,7 +37,7 @@ and so is a_r in z. Where a gait demands c̈, the equations above are in z, with
 C⁻¹ c and G_o + M_b C⁻¹ C_o; the weights W are then on z − z_d, and all that follows stays as it is.
 
 This file eliminates the limbs, and recovers motion and torques from given forces, which
-:mod:`~harpy_pin.wbc.condensed.force_program` chooses.
+:mod:`harpy_pin.wbc.newton` chooses.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ from harpy_pin.model.cholesky import factorise, solve_factor, solve_transposed, 
 from harpy_pin.model.dynamics import DynamicsRecord
 from harpy_pin.model.record import ZERO, RecordOf, sized
 from harpy_pin.model.state import Vector
-from harpy_pin.wbc.condensed.force_program import ProblemRecord, TargetsRecord
+from harpy_pin.wbc.targets import ProblemRecord, TargetsRecord
 
 MIN_DETERMINANT = 1e-6
 """Least determinant of a limb's J_kl, m³; below it (a straight leg) the inverse is damped and the
@@ -198,12 +198,20 @@ def _invert_flat_limb(
 
 
 @kernel
-def root_factor(e: CondensationRecord) -> None:
-    """Factor of K, with the entries of o whose inverse weight is zero taken as fixed."""
+def root_compliance(e: CondensationRecord, compliance: Vector) -> None:
+    """K into the first six rows and columns, with the entries of o whose inverse weight is zero
+    taken as fixed.
+    """
     for i in range(6):
         body, free = e.mass[i] * e.inverse_body_weight, e.free_map[i] * e.inverse_weight
         for j in range(i + 1):
-            e.factor[i, j] = body @ e.mass[j] + free @ e.free_map[j]
+            compliance[i, j] = compliance[j, i] = body @ e.mass[j] + free @ e.free_map[j]
+
+
+@kernel
+def root_factor(e: CondensationRecord) -> None:
+    """Factor of K."""
+    root_compliance(e, e.factor)
     factorise(e.factor, e.factor)
 
 
@@ -212,11 +220,25 @@ def recover(e: CondensationRecord, f: Vector) -> None:
     """λ, o and a for contact forces f; entries of o that are fixed stay as they are, part of the
     right-hand side.
     """
-    a, o, first = e.acceleration, e.free_acceleration, e.inverse_weight.shape[0] - f.shape[0]
     e.multiplier[:] = e.right_hand_side - e.force_map @ f
     solve_vector(e.factor, e.multiplier)
-    o[:] = np.where(e.inverse_weight != 0.0, e.inverse_weight * (e.free_map.T @ e.multiplier), o)
-    a[:6] = e.desired - e.inverse_body_weight * (e.mass.T @ e.multiplier)
+    move_root(e, e.mass.T @ e.multiplier, e.free_map.T @ e.multiplier)
+    move_limbs(e)
+
+
+@kernel
+def move_root(e: CondensationRecord, body: Vector, free: Vector) -> None:
+    """o and what is free of the root, from M_bᵀ λ (6,) and G_oᵀ λ of all equations."""
+    e.acceleration[:6] = e.desired - e.inverse_body_weight * body
+    o = e.free_acceleration
+    o[:] = np.where(e.inverse_weight != 0.0, e.inverse_weight * free, o)
+
+
+@kernel
+def move_limbs(e: CondensationRecord) -> None:
+    """a, from o and what is free of the root."""
+    a, o = e.acceleration, e.free_acceleration
+    first = o.shape[0] - e.force_map.shape[1]
     if e.centred:
         root_of_centre(e, a.reshape((a.shape[0], 1)), o.reshape((o.shape[0], 1)), 1, 1.0)
     rows = e.inverse.shape[2]

@@ -15,12 +15,11 @@ from harpy_pin.model.memory import KeepsViews, fixed_arrays
 from harpy_pin.model.record import Record, Records, field, make_record, same_layout
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
-from harpy_pin.wbc.active_set_warm_start import WarmStartedActiveSet
-from harpy_pin.wbc.condensed.active_set import SearchRecord
 from harpy_pin.wbc.condensed.condense import CondensationRecord
+from harpy_pin.wbc.condensed.limits import TorqueLimitsRecord
 from harpy_pin.wbc.condensed.solve import CondensedRecord, solve_condensed
-from harpy_pin.wbc.problem import enter_pyramids, problem_values
-from harpy_pin.wbc.program import QuadraticProgram
+from harpy_pin.wbc.newton import newton_record
+from harpy_pin.wbc.problem import problem_values
 from harpy_pin.wbc.weights import WholeBodyLimits, WholeBodyTargets, WholeBodyWeights, check_terms
 
 _JOINTS = {1: 3}
@@ -36,9 +35,7 @@ class CondensedStatus(IntFlag):
     TORQUE_LIMITED = 2
     """A torque is at its limit."""
     SUBOPTIMAL = 4
-    """The search for the active set ended at its bound; the forces were moved into their
-    pyramids.
-    """
+    """The search for the forces ended at its bound; they are in their pyramids."""
     TORQUE_CLIPPED = 8
     """Torques were clipped: the forces that follow are not the ones intended."""
 
@@ -51,35 +48,20 @@ def condensed_record(
     For ``hold_ticks`` ticks in a row :func:`hold_last` gives the last inputs in the place of
     clipped ones.
     """
-    feet, sizes = len(robot.feet), condensed_sizes(robot)
+    sizes = condensed_sizes(robot)
     return make_record(
         CondensedRecord,
         sizes,
         root=condensation_record(robot),
-        free=_search_record(limits.pyramid, feet, bounded=0, more=0),
-        limited=_search_record(
-            limits.pyramid, feet, bounded=sizes["thrusts"] + sizes["others"], more=len(robot.joints)
+        newton=newton_record(
+            sizes, limits, force_weight=weights.force, thrust_weight=weights.thrust
         ),
+        limits=make_record(TorqueLimitsRecord, sizes),
         hold_ticks=np.int64(hold_ticks),
         clipped=np.array(
             [0, hold_ticks], dtype=np.int64
         ),  # before the first command there is none to hold
         **problem_values(robot, weights, limits),
-    )
-
-
-def _search_record(pyramid: Vector, feet: int, *, bounded: int, more: int) -> Records[SearchRecord]:
-    """A program in the forces, after variables with bounds and before more rows, and what searches
-    its optimum.
-    """
-    rows = len(pyramid) + 1
-    program = QuadraticProgram(
-        bounded + 3 * feet, equalities=0, inequalities=rows * feet + more, bounded=bounded
-    )
-    enter_pyramids(program, pyramid, feet, force=bounded)
-    search = WarmStartedActiveSet(program)
-    return make_record(
-        SearchRecord, program=program._record_, exchange=search._record_, dual=search.dual._record_
     )
 
 
@@ -166,7 +148,7 @@ class CondensedSolver(KeepsViews):
             :mod:`harpy_pin.model.rotor`.
         acceleration: (nv,) generalised acceleration that follows.
         status: of the last tick.
-        systems: linear systems solved in the last tick's search.
+        steps: Newton's steps of the last tick's search.
 
     Raises:
         InputError: another kind of robot.
@@ -192,12 +174,14 @@ class CondensedSolver(KeepsViews):
         self.force: Vector = field(self._record_, "force").reshape(-1, 3)
         self.inputs: Vector = field(self._record_, "inputs")
         self.acceleration: Vector = field(self._record_["root"], "acceleration")
-        self._outcome: NDArray[np.int64] = field(self._record_, "status_and_systems")
+        self._outcome: NDArray[np.int64] = field(self._record_, "status_and_steps")
 
     def reset(self) -> None:
-        """Forget the active sets."""
-        for search in ("free", "limited"):
-            self._record_[search]["exchange"]["active"] = 0
+        """Forget where the last tick's search ended."""
+        for name in ("free_piece", "limited_piece"):
+            self._record_[name] = 0
+        self._record_["newton"]["thrust_piece"] = 0
+        self._record_["limits"]["last_end"] = 0
 
     @property
     def status(self) -> CondensedStatus:
@@ -205,8 +189,8 @@ class CondensedSolver(KeepsViews):
         return CondensedStatus(int(self._outcome[0]))
 
     @property
-    def systems(self) -> int:
-        """Linear systems of the last tick's search."""
+    def steps(self) -> int:
+        """Newton's steps of the last tick's search."""
         return int(self._outcome[1])
 
     def solve(

@@ -1,265 +1,146 @@
-"""The condensed controller's program where thrusts or torques are at their limits.
+"""Torque limits in the condensed program.
 
-Without such limits, thrusts and the free accelerations of swing feet follow from the contact
-forces. With them they are unknowns: y = [u; ε; y_1, y_2, …], in which ε are the free accelerations
-of the joints on no limb, and y_k is the contact force of a stance foot and the free acceleration
-δ_k of a swing foot:
+The torque of joint j is linear in the root's acceleration, in o and in the forces,
 
-    minimise    ½ ‖L⁻ᵀ (w − G y)‖² + ½ w_u ‖u‖² + ½ w_ε ‖ε‖² + ½ Σ w_f ‖f_k‖² + ½ Σ w_δ ‖δ_k‖²
-    subject to  pyramids and ranges of the f_k,  u_min ≤ u ≤ u_max,  |τ(y)| ≤ τ_max
+    τ_j = m_j a_r + t_j o + n_j − J_jᵀ f − J_tjᵀ u
 
-with K = M_b W⁻¹ M_bᵀ = Lᵀ L, and τ affine in y.
-
-**What gives way.** A motor that cannot follow a swing foot would otherwise make the body pay: the
-swing task's weight is several times that of the body, and its error grows with the square of what
-is missing. So where the optimum without limits of thrusts and torques needs torques τ° beyond
-theirs, the program that is solved with all limits has
-
-- for a swing foot, only the share σ of its weight. σ falls from one to ``give_way`` while the
-  largest |τ°| / τ_max of the joints that move the foot grows from 1 to 1 + ``SPAN``, so that
-  nothing jumps.
-- for a stance foot, ρ f_min in place of f_min, ρ = min τ_max / max(|τ°|, τ_max) over the joints
-  that move the foot: a leg whose motors would need twice their limits has to bear half of the least
-  force.
-
-No torque at its limit: the program, and every digit of its solution, are those without all this.
-The formulations of the whole-body QP give way alike.
+with the limbs eliminated as in the root's equations. So a limit that binds is a seventh equation of
+their kind, M̃_b a_r + ñ_b = G̃_f f + G̃_o o + s, and its torque s is a force of its own, whose cone is
+the motor's range (:mod:`harpy_pin.wbc.newton`). Only limits that the optimum without them violates
+enter. What gives way to them is said in :mod:`harpy_pin.wbc.giving_way`.
 """
 
 from __future__ import annotations
-
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from harpy_pin.kernels import ByPrecision, kernel
-from harpy_pin.model.cholesky import solve_factor
-from harpy_pin.model.dynamics import DynamicsRecord, EquationsRecord
+from harpy_pin.model.dynamics import DynamicsRecord
+from harpy_pin.model.record import RecordOf, sized
 from harpy_pin.model.state import Vector
-from harpy_pin.wbc.condensed.active_set import ProgramRecord
-from harpy_pin.wbc.condensed.condense import (
-    CondensationRecord,
-    joint_torques,
-    recover,
-    root_factor,
-    root_of_centre,
-)
-from harpy_pin.wbc.condensed.force_program import (
-    ProblemRecord,
-    TargetsRecord,
-    force_bounds,
-    root_cost,
-)
+from harpy_pin.wbc.condensed.condense import CondensationRecord
+from harpy_pin.wbc.newton import LIGHT, NewtonRecord, enter_limit
+from harpy_pin.wbc.targets import TargetsRecord
 
-if TYPE_CHECKING:
-    from harpy_pin.wbc.condensed.solve import CondensedRecord
+BEYOND = ByPrecision(1e-9, single=1e-5)
+"""How far a torque must be beyond its limit to be a violation, relative to 1 + the limit."""
 
-SPAN = 0.1
-"""Excess of a torque over its limit, as a share of it, over which swing feet give way."""
-NEAR = ByPrecision(1e-6, single=1e-3)
-"""Distance of a thrust or torque from its limit, N and N·m, at which the optimum without limits is
-looked at.
-"""
+
+class TorqueLimitsRecord(RecordOf):
+    """The torque limits that bind, and their equations."""
+
+    joint: NDArray[np.int64] = sized("joints", whole=True)  # of each equation
+    mass: Vector = sized("joints", 6)  # m_j of each
+    free_map: Vector = sized("joints", "thrusts + others + 3 feet")  # −t_j
+    # at which end each joint's torque was in the last tick: 0 at none, 1 at the lower one, 2 at the
+    # upper one; and its multiplier then
+    last_end: NDArray[np.int64] = sized("joints", whole=True)
+    last_multiplier: Vector = sized("joints")
 
 
 @kernel
-def limited_program(d: DynamicsRecord, t: TargetsRecord, p: CondensedRecord, v: Vector) -> None:
-    """Fill in the program, with the shares of each foot; all of o is fixed at zero from then on."""
-    e, qp, thrusts, faces = (
-        p.root,
-        p.limited.program,
-        d.thruster_jacobian.shape[0],
-        p.pyramid.shape[0],
-    )
-    first = thrusts + e.others.shape[0]
-    stiff = p.w_swing == 0.0  # swing feet have no free acceleration
-    e.inverse_weight[:] = 0.0
-    e.free_acceleration[:] = 0.0
-    root_factor(e)
-    p.wide_response[:, :first] = e.free_map[:, :first]
-    p.wide_response[:, first:] = np.where(stiff, 0.0, e.free_map[:, first:]) + e.force_map
-    root_cost(e, p.wide_response, qp)
-    _add_weights(t, p, qp, e.others, thrusts)
-    qp.lower[:thrusts], qp.upper[:thrusts] = p.input_lower[:thrusts], p.input_upper[:thrusts]
-    force_bounds(t, faces, qp.lower[first:], qp.upper[first:])
-    for k in range(t.held.shape[0]):
-        qp.lower[first + (faces + 1) * k + faces] *= p.least_share[k]
-    _fit_rows_to_support(t, p, qp, first)
-    input_map(d, t, e, v, p.wide_response, p.gain, p.at_rest, True)
-    row = qp.lower.shape[0] - p.torque_limit.shape[0]
-    qp.inequality[row:, : p.gain.shape[1]] = p.gain[thrusts:]
-    qp.lower[row:] = -p.torque_limit - p.at_rest[thrusts:]
-    qp.upper[row:] = p.torque_limit - p.at_rest[thrusts:]
-
-
-@kernel
-def _add_weights(
-    t: TargetsRecord, p: CondensedRecord, qp: ProgramRecord, others: NDArray[np.int64], thrusts: int
-) -> None:
-    """Add the weights of the variables; of its own each swing foot is left a share."""
-    first = thrusts + others.shape[0]
-    for a in range(qp.gradient.shape[0]):
-        if a < thrusts:
-            qp.hessian[a, a] += p.w_thrust
-        elif a < first:
-            qp.hessian[a, a] += p.w_arms * t.joint_share[others[a - thrusts] - 6]
-        elif t.held[(a - first) // 3] != 0.0:
-            qp.hessian[a, a] += p.w_force
-        elif p.w_swing == 0.0:
-            qp.hessian[a, a] += 1.0
-        else:
-            qp.hessian[a, a] += p.w_swing
-            qp.hessian[a, a] -= (1.0 - p.swing_share[(a - first) // 3]) * p.w_swing
-
-
-@kernel
-def _fit_rows_to_support(
-    t: TargetsRecord, p: CondensedRecord, qp: ProgramRecord, before: int
-) -> None:
-    """Pyramids bound forces: their rows are zero for swing feet, whose unknowns are
-    accelerations.
-    """
-    faces = p.pyramid.shape[0]
-    for k in range(t.held.shape[0]):
-        held, up = t.held[k] != 0.0, p.friction[k] * p.inscribed
-        first, x = before + (faces + 1) * k, before + 3 * k
-        qp.inequality[first : first + faces, x : x + 2] = np.where(held, p.pyramid[:, :2], 0.0)
-        qp.inequality[first : first + faces, x + 2] = up if held else 0.0
-        qp.inequality[first + faces, x + 2] = 1.0 if held else 0.0
-
-
-@kernel
-def input_map(
+def limit_of_joint(
     d: DynamicsRecord,
     t: TargetsRecord,
     e: CondensationRecord,
+    m: TorqueLimitsRecord,
     v: Vector,
-    response: Vector,
-    gain: Vector,
-    at_rest: Vector,
-    fixed: bool,
-) -> None:
-    """Thrusts and torques as an affine function of the contact forces: [u; τ] = at_rest + gain f.
-
-    With all of o fixed at zero, they are a function of y = [u; …], which holds the force of a
-    stance foot and the free acceleration of a swing foot: [u; τ] = at_rest + gain y. Between them
-    are the free accelerations ε.
-
-    ``response`` (6, n) is L⁻ᵀ G of these variables and becomes K⁻¹ G; ``gain`` (thrusts + joints,
-    n) and ``at_rest`` (thrusts + joints,) are written; ``fixed`` says whether all of o is.
-    """
-    n, thrusts = response.shape[1], d.thruster_jacobian.shape[0]
-    first = thrusts + e.others.shape[0]
-    nothing = np.zeros(n - first if fixed else n)
-    recover(e, nothing)
-    at_rest[:thrusts] = e.free_acceleration[:thrusts]
-    joint_torques(d, e, v, nothing, at_rest[thrusts:])
-    solve_factor(e.factor, response, n)
-    _free_per_unit(t, e, response, first, fixed)
-    _motion_per_unit(t, e, response, thrusts)
-    _input_per_unit(d, t, e, gain, first if fixed else 0)
-
-
-@kernel
-def _free_per_unit(
-    t: TargetsRecord, e: CondensationRecord, response: Vector, first: int, fixed: bool
-) -> None:
-    """Entries of o per unit of each variable, into ``free_per_unit``."""
-    free, n = e.free_per_unit, response.shape[1]
-    for c in range(e.inverse_weight.shape[0]):
-        free[c, :n] = -e.inverse_weight[c] * (e.free_map[:, c] @ response)
-        if e.inverse_weight[c] != 0.0:
-            continue
-        if fixed and (c < first or t.held[(c - first) // 3] == 0.0):
-            free[c, c] = 1.0
-
-
-@kernel
-def _motion_per_unit(
-    t: TargetsRecord, e: CondensationRecord, response: Vector, thrusts: int
-) -> None:
-    """Generalised accelerations per unit of each variable, into ``motion_per_unit``."""
-    free, motion, n = e.free_per_unit, e.motion_per_unit, response.shape[1]
-    for j in range(6):
-        motion[j, :n] = e.inverse_body_weight[j] * e.mass[:, j] @ response
-    if e.centred:
-        root_of_centre(e, motion, free, n, 0.0)
-    others = e.others.shape[0]
-    first = thrusts + others
-    for c in range(others):
-        motion[e.others[c], :n] = free[thrusts + c, :n]
-    limbs, joints, rows = e.inverse.shape
-    for k in range(limbs):
-        held = t.held[rows * k // 3] != 0.0
-        for b in range(joints):
-            row = motion[e.limb[k, b], :n]
-            row[:] = e.limb_map[k, b] @ motion[:6, :n]
-            if not held:
-                row += e.inverse[k, b] @ free[first + rows * k : first + rows * (k + 1), :n]
-
-
-@kernel
-def _input_per_unit(
-    d: DynamicsRecord, t: TargetsRecord, e: CondensationRecord, gain: Vector, first: int
-) -> None:
-    """Thrusts and torques per unit of each variable; the columns of the feet begin at ``first``."""
-    free, motion, n = e.free_per_unit, e.motion_per_unit, gain.shape[1]
-    nv, thrusts = d.bias.shape[0], d.thruster_jacobian.shape[0]
-    gain[:thrusts] = free[:thrusts, :n]
-    gain[thrusts:] = 0.0
-    for j in range(6, nv):
-        row = gain[thrusts + j - 6]
-        for i in range(nv):
-            if d.mass_matrix[j, i] != 0.0:  # limbs do not feel each other
-                row += d.mass_matrix[j, i] * motion[i, :n]
-        for c in range(thrusts):
-            if d.thruster_jacobian[c, j] != 0.0:
-                row -= d.thruster_jacobian[c, j] * free[c, :n]
-    limbs, joints, rows = e.inverse.shape
-    for k in range(limbs):
-        if t.held[rows * k // 3] != 0.0:
-            jacobian, column = d.foot_jacobian[rows * k : rows * (k + 1)], first + rows * k
-            for b in range(joints):
-                j = e.limb[k, b]
-                gain[thrusts + j - 6, column : column + rows] -= jacobian[:, j]
-
-
-@kernel
-def at_a_limit(inputs: Vector, p: ProblemRecord) -> bool:
-    """Whether a thrust or torque is at its limit, or not a number."""
-    found = False
-    for c in range(inputs.shape[0]):
-        found = found or not p.input_lower[c] + NEAR < inputs[c] < p.input_upper[c] - NEAR
-    return found
-
-
-@kernel
-def outside(values: Vector, lower: Vector, upper: Vector) -> bool:
-    """Whether one of the values is out of its range, or not a number."""
-    found = False
-    for c in range(values.shape[0]):
-        found = found or not lower[c] <= values[c] <= upper[c]
-    return found
-
-
-@kernel
-def share_of_swing(
-    d: EquationsRecord, torque: Vector, limit: Vector, give_way: float, k: int
+    k: int,
 ) -> float:
-    """σ of a contact point, with ``give_way`` the least share; the others as of
-    :func:`share_of_least_force`.
-    """
-    excess = 1.0 / share_of_least_force(d, torque, limit, k) - 1.0
-    return 1.0 - (1.0 - give_way) * min(excess / SPAN, 1.0)
+    """m_j and −t_j of limit k into its rows; returns n_j."""
+    j, thrusts = 6 + m.joint[k], d.thruster_jacobian.shape[0]
+    row, mass, free, first = d.mass_matrix[j], m.mass[k], m.free_map[k], thrusts + e.others.shape[0]
+    bias = d.bias[j] + d.damping[j] * v[j]
+    mass[:], free[:] = row[:6], 0.0
+    if e.others.shape[0] > 0:
+        free[thrusts:first] = -row[e.others]
+        bias += row[e.others] @ e.posture
+    rows = e.inverse.shape[2]
+    for limb in range(e.limb.shape[0]):
+        own = row[e.limb[limb]]
+        bias += own @ e.limb_bias[limb]
+        mass += own @ e.limb_map[limb]
+        if t.held[rows * limb // 3] == 0.0:
+            free[first + rows * limb : first + rows * (limb + 1)] = -(own @ e.inverse[limb])
+    if e.centred:
+        mass[:] = np.array(mass) @ e.root_per_centre
+        bias -= mass[:3] @ e.centre_bias
+        free += mass[:2] @ e.centre_free
+    return bias
 
 
 @kernel
-def share_of_least_force(d: EquationsRecord, torque: Vector, limit: Vector, k: int) -> float:
-    """ρ of a contact point; the torques are τ° and the limits τ_max, N·m."""
-    share = 1.0
+def add_torque_limit(
+    d: DynamicsRecord,
+    t: TargetsRecord,
+    e: CondensationRecord,
+    m: TorqueLimitsRecord,
+    n: NewtonRecord,
+    v: Vector,
+    limit: float,
+    end: int,
+) -> None:
+    """The equation of the next limit, of the joint that is entered for it already."""
+    k, at = n.limits, 6 + n.limits
+    bias = limit_of_joint(d, t, e, m, v, k)
+    body, free = e.inverse_body_weight * m.mass[k], e.inverse_weight * m.free_map[k]
+    n.demand[at] = m.mass[k] @ e.desired + bias
+    n.compliance[at, :6] = n.compliance[:6, at] = e.mass @ body + e.free_map @ free
+    for other in range(k + 1):
+        entry = m.mass[other] @ body + m.free_map[other] @ free
+        n.compliance[at, 6 + other] = n.compliance[6 + other, at] = entry
+    n.force_map[:, at] = d.foot_jacobian[:, 6 + m.joint[k]]
+    n.thrust_map[:, at] = d.thruster_jacobian[:, 6 + m.joint[k]]
+    enter_limit(n, -limit, limit, end, LIGHT * n.force_weight)
+
+
+@kernel
+def add_violated(
+    d: DynamicsRecord,
+    t: TargetsRecord,
+    e: CondensationRecord,
+    m: TorqueLimitsRecord,
+    n: NewtonRecord,
+    v: Vector,
+    torque: Vector,
+    limit: Vector,
+) -> bool:
+    """The limits that torques (joints,) violate; whether there are any."""
+    before, violated = n.limits, False
+    for j in range(torque.shape[0]):
+        known = False
+        for k in range(before):
+            known = known or m.joint[k] == j
+        if not known and abs(torque[j]) > limit[j] + BEYOND * (1.0 + limit[j]):
+            violated = True
+            m.joint[n.limits] = j
+            n.multiplier[6 + n.limits] = 0.0
+            add_torque_limit(d, t, e, m, n, v, limit[j], 1 if torque[j] < 0.0 else 2)
+    return violated
+
+
+@kernel
+def begin_limits(
+    d: DynamicsRecord,
+    t: TargetsRecord,
+    e: CondensationRecord,
+    m: TorqueLimitsRecord,
+    n: NewtonRecord,
+    v: Vector,
+    limit: Vector,
+) -> None:
+    """The limits at which the last tick ended, again."""
     for j in range(limit.shape[0]):
-        moves = np.sum(abs(d.foot_jacobian[3 * k : 3 * k + 3, 6 + j]))
-        if moves > 0.0 and abs(torque[j]) > limit[j]:
-            share = min(share, limit[j] / abs(torque[j]))
-    return share
+        if m.last_end[j] != 0:
+            m.joint[n.limits], n.multiplier[6 + n.limits] = j, m.last_multiplier[j]
+            add_torque_limit(d, t, e, m, n, v, limit[j], m.last_end[j])
+
+
+@kernel
+def note_limits(m: TorqueLimitsRecord, n: NewtonRecord) -> None:
+    """Keep the limits at which this tick ended."""
+    m.last_end[:] = 0
+    for k in range(n.limits):
+        m.last_end[m.joint[k]] = n.limit_piece[k]
+        m.last_multiplier[m.joint[k]] = n.multiplier[6 + k]

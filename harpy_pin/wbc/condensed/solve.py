@@ -1,15 +1,10 @@
-"""The whole-body optimum as a program in the contact forces alone, solved in a bounded number of
-operations.
+"""The whole-body optimum by six equations of the root, solved in a bounded number of operations.
 
-A tick eliminates the limbs (:mod:`harpy_pin.wbc.condensed.condense`), fills in the program in the
-contact forces (:mod:`harpy_pin.wbc.condensed.force_program`), finds its optimum, and recovers
-thrusts and torques. The last tick's active set is tried, then exchanged; then follows the dual
-active-set method. At the end every force is put into its pyramid.
-
-Where thrusts or torques of that optimum exceed their limits, which is rare, the program is solved
-again with thrusts and free accelerations as unknowns (:mod:`harpy_pin.wbc.condensed.limits`), so
-that the result is the whole-body optimum in this case, too. What gives way there is said in that
-file.
+A tick eliminates the limbs (:mod:`harpy_pin.wbc.condensed.condense`), finds the contact forces and
+thrusts (:mod:`harpy_pin.wbc.newton`), and recovers motion and torques. Where torques of that optimum
+exceed their limits, which is rare, it is found again with the limits that bind
+(:mod:`harpy_pin.wbc.condensed.limits`), so that the result is the whole-body optimum in this case,
+too.
 
 For the rigid robot with regular limbs, at every state and for every target: with the torques and
 thrusts returned, the force on each stance foot is f, and f is in its pyramid and range. There are
@@ -27,30 +22,26 @@ from harpy_pin.kernels import ByPrecision, kernel
 from harpy_pin.model.dynamics import DynamicsRecord
 from harpy_pin.model.record import sized
 from harpy_pin.model.state import Vector
-from harpy_pin.wbc.condensed.active_set import EXCHANGES, SearchRecord, dual_active_set, exchange
 from harpy_pin.wbc.condensed.condense import (
     CondensationRecord,
     eliminate_limbs,
     joint_torques,
-    recover,
-    root_factor,
-)
-from harpy_pin.wbc.condensed.force_program import (
-    ProblemRecord,
-    TargetsRecord,
-    force_bounds,
-    force_objective,
-    friction_rows,
-    into_cones,
-    root_acceleration,
+    move_limbs,
+    move_root,
+    root_compliance,
 )
 from harpy_pin.wbc.condensed.limits import (
-    limited_program,
-    outside,
-    share_of_least_force,
-    share_of_swing,
+    TorqueLimitsRecord,
+    add_violated,
+    begin_limits,
+    note_limits,
 )
+from harpy_pin.wbc.giving_way import outside, share_of_least_force, share_of_swing
+from harpy_pin.wbc.newton import NewtonRecord, find_forces, root_multiplier
+from harpy_pin.wbc.targets import ProblemRecord, TargetsRecord, friction_limits, root_acceleration
 
+ROUNDS = 4
+"""How often limits that are violated enter, at most."""
 AT_LIMIT = ByPrecision(1e-9, single=1e-6)
 """Distance below its limit, as a share of it, at which a torque counts as limited."""
 BEYOND = ByPrecision(1e-6, single=1e-3)
@@ -63,30 +54,20 @@ class CondensedRecord(ProblemRecord):
     """Settings and work space of :class:`~harpy_pin.wbc.condensed.CondensedSolver`."""
 
     root: CondensationRecord  # the robot as six equations
-    free: SearchRecord  # program on the forces alone
-    limited: (
-        SearchRecord  # program on thrusts, free accelerations and forces, with rows for the torques
-    )
+    newton: NewtonRecord  # the search for the forces
+    limits: TorqueLimitsRecord  # that bind
+    # pieces of their cones on which the forces of the last tick's optimum without limits were, and
+    # those of the last one with limits
+    free_piece: NDArray[np.int64] = sized("feet", whole=True)
+    limited_piece: NDArray[np.int64] = sized("feet", whole=True)
     least_share: Vector = sized(
         "feet", fill=1.0
     )  # share of its least normal force that each foot has to bear
-    swing_share: Vector = sized(
-        "feet", fill=1.0
-    )  # share of its weight that each swing foot has at the motors' limits
     force: Vector = sized("3 feet")  # contact forces, world axes, N; zero in swing
     inputs: Vector = sized("thrusts + joints")  # [u; τ] of the last tick, N and N·m
     last_inputs: Vector = sized("thrusts + joints")  # those of the tick before
-    response: Vector = sized(6, "3 feet")  # acceleration of the root per force
-    unknowns: Vector = sized(
-        "thrusts + others + 3 feet"
-    )  # of the program with limits, N and rad/s²
-    wide_response: Vector = sized(
-        6, "thrusts + others + 3 feet"
-    )  # acceleration of the root per unknown
-    gain: Vector = sized("thrusts + joints", "thrusts + others + 3 feet")  # [u; τ] per unknown
-    at_rest: Vector = sized("thrusts + joints")  # [u; τ] where the unknowns are zero
-    # status of the last tick, and systems that were solved in it
-    status_and_systems: NDArray[np.int64] = sized(2, whole=True)
+    # status of the last tick, and Newton's steps in it
+    status_and_steps: NDArray[np.int64] = sized(2, whole=True)
     hold_ticks: (
         int  # ticks in a row for which the last inputs are held in the place of clipped ones
     )
@@ -102,88 +83,94 @@ def solve_condensed(
     """One tick, on elements of the records; see
     :class:`~harpy_pin.wbc.condensed.CondensedSolver`.
     """
-    e, qp = p.root, p.free.program
-    p.status_and_systems[:] = 0
+    e, n, thrusts = p.root, p.newton, d.thruster_jacobian.shape[0]
+    torque = p.inputs[thrusts:]
+    p.status_and_steps[:] = 0
     p.last_inputs[:] = p.inputs
     root_acceleration(v, rotation, t, e.desired)
     eliminate_limbs(d, t, p, e, v)
-    root_factor(e)
-    p.least_share[:] = 1.0
-    if p.force.shape[0] > 0:
-        force_bounds(t, p.pyramid.shape[0], qp.lower, qp.upper)
-        force_objective(t, p, e, p.response, qp)
-        friction_rows(t, p, qp, 0)
-        search_active_set(p, p.free, p.force)
-        into_cones(t, p)
-    recover(e, p.force)
-    thrusts = d.thruster_jacobian.shape[0]
-    thrust, torque = e.free_acceleration[:thrusts], p.inputs[thrusts:]
-    joint_torques(d, e, v, p.force, torque)
-    beyond = outside(torque, p.input_lower[thrusts:], p.input_upper[thrusts:])
-    if beyond or outside(thrust, p.input_lower, p.input_upper):
-        _within_limits(d, t, p, v, beyond)
-    else:  # where limits are reached next, their search begins with the rows of the pyramids
-        first = p.limited.program.bounded
-        p.limited.exchange.active[:] = 0
-        for r in range(p.free.exchange.active.shape[0]):
-            p.limited.exchange.active[first + r] = p.free.exchange.active[r]
-    p.inputs[:thrusts] = thrust
+    e.inverse_weight[:thrusts] = 0.0  # thrusts are found as the forces are
+    _begin_search(d, t, p)
+    found = find_forces(n)
+    p.free_piece[:] = n.piece
+    _move(d, p, v, torque)
+    if outside(torque, p.input_lower[thrusts:], p.input_upper[thrusts:]):
+        found = _within_limits(d, t, p, v, torque)
+    note_limits(p.limits, n)
+    if not found:
+        p.status_and_steps[0] |= SUBOPTIMAL
+        p.free_piece[:] = p.limited_piece[:] = 0
+        p.limits.last_end[:] = 0
+    p.status_and_steps[1] = n.steps
+    p.force[:] = n.force
+    p.inputs[:thrusts] = n.thrust
+    if np.any(n.thrust_piece > 0):
+        p.status_and_steps[0] |= THRUST_LIMITED
+    if np.any(p.limits.last_end > 0):
+        p.status_and_steps[0] |= TORQUE_LIMITED
+    _clip_torques(p, torque)
 
 
 @kernel
-def search_active_set(p: CondensedRecord, search: SearchRecord, z: Vector) -> None:
-    """The optimum, by the last active set, its exchange, or the dual method; the status says
-    whether one was found.
-    """
-    w, dual = search.exchange, search.dual
-    systems, _ = exchange(search.program, w, z, EXCHANGES)
-    p.status_and_systems[1] += systems
-    if systems <= EXCHANGES:
-        return
-    outcome, exchanges = dual_active_set(search.program, dual, z)
-    p.status_and_systems[1] += exchanges
-    w.active[:] = dual.active
-    finite = True
-    for c in range(z.shape[0]):
-        finite = finite and np.isfinite(z[c])
-    if outcome == 0 and finite:
-        return
-    p.status_and_systems[0] |= SUBOPTIMAL
-    w.active[:] = 0
-    if not finite:
-        z[:] = 0.0
+def _begin_search(d: DynamicsRecord, t: TargetsRecord, p: CondensedRecord) -> None:
+    """The equation in λ without limits of torques: K, w, maps, cones and ranges."""
+    e, n, thrusts = p.root, p.newton, d.thruster_jacobian.shape[0]
+    root_compliance(e, n.compliance)
+    n.demand[:6] = e.right_hand_side
+    n.force_map[:, :6] = e.force_map.T
+    n.thrust_map[:, :6] = d.thruster_jacobian[:, :6]
+    n.thrust_range[:, 0], n.thrust_range[:, 1] = p.input_lower[:thrusts], p.input_upper[:thrusts]
+    friction_limits(t, p)
+    n.friction[:] = p.inscribed * p.friction
+    n.force_range[:] = t.force_range
+    n.held[:] = t.held
+    n.piece[:] = p.free_piece
+    n.limits = n.steps = 0
+    p.least_share[:] = 1.0
 
 
 @kernel
 def _within_limits(
-    d: DynamicsRecord, t: TargetsRecord, p: CondensedRecord, v: Vector, beyond: bool
-) -> None:
-    """The optimum with bounds on the thrusts and rows of the torques, which may be beyond their
-    limits without them.
+    d: DynamicsRecord, t: TargetsRecord, p: CondensedRecord, v: Vector, torque: Vector
+) -> bool:
+    """The optimum with limits, which the torques of that without them exceed; whether it was
+    found.
     """
-    e, qp, y, thrusts = p.root, p.limited.program, p.unknowns, d.thruster_jacobian.shape[0]
-    first, torque = thrusts + e.others.shape[0], p.inputs[thrusts:]
-    p.swing_share[:] = 1.0
-    if p.give_way < 1.0 and beyond:
+    e, n = p.root, p.newton
+    if p.give_way < 1.0:
+        first = e.inverse_weight.shape[0] - t.held.shape[0] * 3
         for k in range(t.held.shape[0]):
             p.least_share[k] = share_of_least_force(d, torque, p.torque_limit, k)
-            p.swing_share[k] = share_of_swing(d, torque, p.torque_limit, p.give_way, k)
-    limited_program(d, t, p, v)
-    search_active_set(p, p.limited, y)
-    for c in range(thrusts):
-        y[c] = min(max(y[c], qp.lower[c]), qp.upper[c])
-        if y[c] <= p.input_lower[c] or y[c] >= p.input_upper[c]:
-            p.status_and_systems[0] |= THRUST_LIMITED
-    p.force[:] = y[first:]
-    into_cones(t, p)
-    for c in range(y.shape[0]):
-        if c < first or t.held[(c - first) // 3] == 0.0:
-            e.free_acceleration[c] = y[c]
-            for i in range(6):
-                e.right_hand_side[i] -= e.free_map[i, c] * y[c]
-    recover(e, p.force)
-    joint_torques(d, e, v, p.force, torque)
-    _clip_torques(p, torque)
+            share = share_of_swing(d, torque, p.torque_limit, p.give_way, k)
+            e.inverse_weight[first + 3 * k : first + 3 * k + 3] /= share
+        n.force_range[:, 0] = p.least_share * t.force_range[:, 0]
+        root_compliance(e, n.compliance)
+    n.piece[:] = p.limited_piece
+    begin_limits(d, t, e, p.limits, n, v, p.torque_limit)
+    add_violated(d, t, e, p.limits, n, v, torque, p.torque_limit)
+    found, more = False, True
+    for _ in range(ROUNDS):
+        if more:
+            found = find_forces(n)
+            _move(d, p, v, torque)
+            more = add_violated(d, t, e, p.limits, n, v, torque, p.torque_limit)
+    p.limited_piece[:] = n.piece
+    return found and not more
+
+
+@kernel
+def _move(d: DynamicsRecord, p: CondensedRecord, v: Vector, torque: Vector) -> None:
+    """λ, motion and torques of the forces that were found."""
+    e, n, m, last = p.root, p.newton, p.limits, p.newton.limits
+    root_multiplier(n, e.multiplier)
+    body, free = e.mass.T @ e.multiplier, e.free_map.T @ e.multiplier
+    if last > 0:
+        body += m.mass[:last].T @ n.multiplier[6 : 6 + last]
+        free += m.free_map[:last].T @ n.multiplier[6 : 6 + last]
+    move_root(e, body, free)
+    e.free_acceleration[: n.thrust.shape[0]] = n.thrust
+    move_limbs(e)
+    joint_torques(d, e, v, n.force, torque)
 
 
 @kernel
@@ -194,17 +181,17 @@ def _clip_torques(p: CondensedRecord, torque: Vector) -> None:
     for j in range(torque.shape[0]):
         limit = p.torque_limit[j]
         if not abs(torque[j]) <= limit * (1.0 - AT_LIMIT):
-            p.status_and_systems[0] |= TORQUE_LIMITED
+            p.status_and_steps[0] |= TORQUE_LIMITED
         if not abs(torque[j]) <= limit:
             if not abs(torque[j]) <= limit * (1.0 + BEYOND):
-                p.status_and_systems[0] |= TORQUE_CLIPPED
+                p.status_and_steps[0] |= TORQUE_CLIPPED
             torque[j] = min(max(torque[j], -limit), limit) if np.isfinite(torque[j]) else 0.0
 
 
 @kernel
 def hold_last(p: CondensedRecord) -> None:
     """The last inputs in the place of clipped torques, for a while."""
-    if p.status_and_systems[0] & TORQUE_CLIPPED:
+    if p.status_and_steps[0] & TORQUE_CLIPPED:
         p.clipped[0] += 1
         p.clipped[1] += 1
         if p.clipped[1] <= p.hold_ticks:

@@ -21,7 +21,7 @@ from harpy_pin.errors import InputError, shown
 from harpy_pin.model.dynamics import Dynamics
 from harpy_pin.model.memory import KeepsViews, fixed_arrays, lasting, move_array
 from harpy_pin.model.state import State, Vector
-from harpy_pin.wbc.condensed.active_set import UNBOUNDED
+from harpy_pin.wbc.active_set import UNBOUNDED
 from harpy_pin.wbc.problem import WholeBodyProblem
 from harpy_pin.wbc.program import QuadraticProgram
 from harpy_pin.wbc.tasks.task import Task

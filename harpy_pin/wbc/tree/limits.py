@@ -32,16 +32,14 @@ from harpy_pin.kernels import kernel
 from harpy_pin.model.dynamics import DynamicsRecord
 from harpy_pin.model.record import RecordOf, sized
 from harpy_pin.model.state import Vector
+from harpy_pin.wbc.newton import LIGHT, NewtonRecord, enter_limit
 from harpy_pin.wbc.tree.elimination import ROOT, EliminationRecord, eliminate_limit, limit_equation
-from harpy_pin.wbc.newton import NewtonRecord
 from harpy_pin.wbc.tree.tasks import ContactsRecord
 
 ROUNDS = 8
 """How often limits that are violated enter, at most."""
-LIGHT, ACCELERATION_WEIGHT = 0.03, 1e-6
-"""ε_s of torques, in weights of the square of a force, and of accelerations."""
-YIELD = 0.1
-"""δ to begin with, relative to the compliance of forces and motion to the limit's multiplier."""
+ACCELERATION_WEIGHT = 1e-6
+"""ε_s of accelerations."""
 COMPLIANCE = 1e-6
 """By which a range of an acceleration yields, as that of contacts."""
 BEYOND, CLIPPED = 1e-9, 1e-6
@@ -127,23 +125,16 @@ def add_limit(
     limit_equation(e, k, n.compliance, n.demand)
     if is_torque:
         n.demand[at] += d.bias[ROOT + j]
-        n.limit_range[k] = m.torque_range[j]
-        n.limit_weight[k] = LIGHT * n.force_weight
     else:
         n.compliance[at, at] += COMPLIANCE
-        n.limit_range[k] = m.acceleration_range[j]
-        n.limit_weight[k] = ACCELERATION_WEIGHT
     for p in range(n.held.shape[0]):
         column = d.foot_jacobian[3 * p : 3 * p + 3, ROOT + j]
         n.force_map[3 * p : 3 * p + 3, at] = (1.0 if is_torque else 0.0) * (c.frame[p].T @ column)
     for p in range(n.thrust.shape[0]):
         n.thrust_map[p, at] = d.thruster_jacobian[p, ROOT + j] if is_torque else 0.0
-    column = n.force_map[:, at]
-    n.limit_piece[k] = end
-    n.limit_centre[k] = n.limit_range[k, end - 1]
-    n.limit_last[k] = n.multiplier[at]
-    n.limit_yield[k] = YIELD * (n.compliance[at, at] + column @ column / n.force_weight)
-    n.limits += 1
+    lower, upper = m.torque_range[j] if is_torque else m.acceleration_range[j]
+    weight = LIGHT * n.force_weight if is_torque else ACCELERATION_WEIGHT
+    enter_limit(n, lower, upper, end, weight)
 
 
 @kernel

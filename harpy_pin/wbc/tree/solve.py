@@ -8,6 +8,7 @@ from harpy_pin.model.entry import GOOD, MISFIT, all_finite
 from harpy_pin.model.record import RecordOf, sized
 from harpy_pin.model.state import Vector
 from harpy_pin.model.terms import update_terms
+from harpy_pin.wbc.newton import NewtonRecord, find_forces, forget, root_multiplier
 from harpy_pin.wbc.tree.elimination import (
     ROOT,
     SIDES,
@@ -24,7 +25,6 @@ from harpy_pin.wbc.tree.limits import (
     joint_ends,
     within_limits,
 )
-from harpy_pin.wbc.newton import NewtonRecord, find_forces, root_multiplier
 from harpy_pin.wbc.tree.tasks import (
     ContactsRecord,
     FrameTasksRecord,
@@ -86,14 +86,12 @@ def solve_whole_body(r: WholeBodyRecord, q: Vector, v: Vector) -> int:
             more = add_violated(r.limits, d, e, r.contacts, n, r.joint_torque)
     found = within_limits(r.limits, r.joint_torque) and found and not more
     if verdict != GOOD or not (all_finite(e.acceleration) and all_finite(r.joint_torque)):
-        n.multiplier[:] = 0.0
-        n.limits = 0
+        forget(n)
         return INVALID
     r.acceleration[:], r.torque[:] = e.acceleration, r.joint_torque
     r.force[:], r.thrust[:] = r.world_force, n.thrust
     if not found:
-        n.multiplier[:] = 0.0
-        n.limits = 0
+        forget(n)
         return SUBOPTIMAL
     return OPTIMAL
 

@@ -23,8 +23,8 @@ from harpy_pin.model.record import RecordOf, sized
 from harpy_pin.model.state import Vector
 from harpy_pin.model.tree import UNBOUNDED, TreeRecord
 from harpy_pin.model.vectors import log, skew
-from harpy_pin.wbc.tree.elimination import ROOT, SIDES, EliminationRecord
 from harpy_pin.wbc.newton import NewtonRecord
+from harpy_pin.wbc.tree.elimination import ROOT, SIDES, EliminationRecord
 
 TARGETS = SIDES - 1
 """The right-hand side of the targets."""

@@ -19,10 +19,10 @@ from harpy_pin.model.memory import fixed_arrays, move_array
 from harpy_pin.model.record import Records, field, make_record
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import State, Vector
+from harpy_pin.wbc.newton import newton_record
 from harpy_pin.wbc.tasks.task import CentreOfMassTask, FrameTask, JointTask, MomentumTask
 from harpy_pin.wbc.tree.elimination import ROOT, EliminationRecord
 from harpy_pin.wbc.tree.limits import LimitsRecord
-from harpy_pin.wbc.newton import NewtonRecord
 from harpy_pin.wbc.tree.solve import WRONG_SHAPE, WholeBodyRecord, solve_whole_body
 from harpy_pin.wbc.tree.tasks import (
     ContactsRecord,
@@ -269,19 +269,14 @@ def _record(
     places = np.split(
         np.array([corner.placement.translation for corner in corners]).reshape(-1, 3), firsts[1:-1]
     )
-    angle = 2.0 * np.pi * np.arange(int(limits.faces)) / limits.faces
-    newton = make_record(
-        NewtonRecord,
+    newton = newton_record(
         sizes,
-        friction=np.full(points, limits.friction_share * limits.mu * limits.inscribed),
-        force_range=np.tile((0.0, 1e4), (points, 1)),
-        faces=np.column_stack(
-            (np.cos(angle), np.sin(angle), np.full(len(angle), np.tan(np.pi / limits.faces)))
-        ),
+        limits,
         force_weight=settings["force_weight"],
         thrust_weight=settings["thrust_weight"],
-        thrust_range=np.column_stack(thrust_box(robot, limits)),
     )
+    newton["force_range"][0, :, 1] = 1e4
+    newton["thrust_range"][0] = np.column_stack(thrust_box(robot, limits))
     return make_record(
         WholeBodyRecord,
         sizes,

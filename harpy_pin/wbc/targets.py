@@ -1,30 +1,16 @@
-"""The program in the contact forces alone: what this package is about.
-
-With the limbs eliminated (:mod:`harpy_pin.wbc.condensed.condense`) the whole-body problem is
-
-    minimise    ½ fᵀ H f + gᵀ f,    H = G_fᵀ K⁻¹ G_f + w_f I,    g = −G_fᵀ K⁻¹ w
-    subject to  every f_k in its friction pyramid and its range of normal force
-
-with three unknowns for each foot: the cost of given forces is what the root's six equations leave
-of the tasks.
+"""What a whole-body problem is given in a tick: weights, limits and targets, and what both WBCs read
+off them.
 """
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from harpy_pin.kernels import kernel
-from harpy_pin.model.cholesky import solve_transposed
 from harpy_pin.model.dynamics import DynamicsRecord
 from harpy_pin.model.record import ZERO, RecordOf, sized
 from harpy_pin.model.state import Vector
-from harpy_pin.wbc.condensed.active_set import ProgramRecord
-
-if TYPE_CHECKING:
-    from harpy_pin.wbc.condensed.condense import CondensationRecord
-    from harpy_pin.wbc.condensed.solve import CondensedRecord
+from harpy_pin.wbc.active_set import ProgramRecord
 
 
 class ProblemRecord(RecordOf):
@@ -100,34 +86,6 @@ def root_acceleration(v: Vector, rotation: Vector, t: TargetsRecord, out: Vector
 
 
 @kernel
-def force_objective(
-    t: TargetsRecord, p: ProblemRecord, e: CondensationRecord, response: Vector, qp: ProgramRecord
-) -> None:
-    """H and g; the identity for the force of a swing foot, which is zero; ``response`` becomes L⁻ᵀ
-    G_f.
-    """
-    response[:] = e.force_map
-    root_cost(e, response, qp)
-    for a in range(response.shape[1]):
-        qp.hessian[a, a] += p.w_force if t.held[a // 3] != 0.0 else 1.0
-
-
-@kernel
-def root_cost(e: CondensationRecord, response: Vector, qp: ProgramRecord) -> None:
-    """H = Gᵀ K⁻¹ G and g = −Gᵀ K⁻¹ w, with K = Lᵀ L; ``response`` (6, n) is G, and becomes L⁻ᵀ
-    G.
-    """
-    n = response.shape[1]
-    solve_transposed(e.factor, response, n)
-    e.multiplier[:] = e.right_hand_side
-    solve_transposed(e.factor, e.multiplier.reshape((6, 1)), 1)
-    qp.gradient[:n] = -(response.T @ e.multiplier)
-    for a in range(n):
-        for b in range(a + 1):
-            qp.hessian[a, b] = qp.hessian[b, a] = response[:, a] @ response[:, b]
-
-
-@kernel
 def friction_limits(t: TargetsRecord, p: ProblemRecord) -> None:
     """Coefficient of each foot's cone in this tick, after the safety margin: into
     ``p.friction``.
@@ -156,22 +114,3 @@ def force_bounds(t: TargetsRecord, faces: int, lower: Vector, upper: Vector) -> 
         lower[first : first + faces] = 0.0 if on else -1.0
         lower[first + faces] = t.force_range[k, 0] if on else -1.0
         upper[first + faces] = t.force_range[k, 1] if on else 1.0
-
-
-@kernel
-def into_cones(t: TargetsRecord, p: CondensedRecord) -> None:
-    """Put every force into its range and cone: it changes only what is outside, and little after a
-    good search.
-    """
-    for k in range(t.held.shape[0]):
-        f = p.force[3 * k : 3 * k + 3]
-        if t.held[k] == 0.0:
-            f[:] = 0.0
-            continue
-        f[2] = min(max(f[2], p.least_share[k] * t.force_range[k, 0]), t.force_range[k, 1])
-        inside, share = p.friction[k] * p.inscribed * f[2], 1.0
-        for face in range(p.pyramid.shape[0]):
-            outward = -(p.pyramid[face, 0] * f[0] + p.pyramid[face, 1] * f[1])
-            if outward * share > inside:
-                share = max(inside, 0.0) / outward
-        f[:2] *= share
