@@ -58,9 +58,7 @@ class CondensedController(TaskController):
         )
         self._intended = self.solver.acceleration
         self._clipped = field(self.solver._record_, "clipped")
-        status, steps = (
-            field(self.solver._record_, "status_and_steps")[k, ...] for k in range(2)
-        )
+        status, steps = (field(self.solver._record_, "status_and_steps")[k, ...] for k in range(2))
         self._signals |= {
             "desired_force": self.solver.force,
             "condensed_status": status,

@@ -24,12 +24,7 @@ from harpy_pin.model.state import Vector
 
 @kernel(g=(3,), faces=("n", 3), force=(3,))
 def project(
-    g: Vector,
-    friction: float,
-    lower: float,
-    upper: float,
-    faces: Vector,
-    force: Vector,
+    g: Vector, friction: float, lower: float, upper: float, faces: Vector, force: Vector
 ) -> int:
     """The nearest force to g in a pyramid and range.
 

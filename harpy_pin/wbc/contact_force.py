@@ -40,7 +40,7 @@ from harpy_pin.wbc.condensed.condense import (
     root_factor,
     root_of_centre,
 )
-from harpy_pin.wbc.condensed.condensed_solver import condensation_record
+from harpy_pin.wbc.condensed.condensed_solver import condensation_record, condensed_sizes
 from harpy_pin.wbc.problem import (
     FormulationKernels,
     FormulationRecord,
@@ -58,6 +58,8 @@ class ContactForceRecord(RecordOf):
     response: Vector = sized(6, "3 feet")  # acceleration of the root per force
     gain: Vector = sized("thrusts + joints", "3 feet")  # [u; τ] per force
     at_rest: Vector = sized("thrusts + joints")  # [u; τ] without forces
+    free: Vector = sized("thrusts + others + 3 feet", "3 feet")  # o per force
+    motion: Vector = sized("nv", "3 feet")  # a per force
 
 
 class ContactForceProblem(WholeBodyProblem):
@@ -87,7 +89,7 @@ class ContactForceProblem(WholeBodyProblem):
         enter_pyramids(program, self.limits.pyramid, self.feet, force=0)
         self._record_["give_way"] = 1.0  # no task can
         return program, make_record(
-            ContactForceRecord, self.robot.sizes, root=condensation_record(self.robot)
+            ContactForceRecord, condensed_sizes(self.robot), root=condensation_record(self.robot)
         )
 
     def acceleration(self, z: Vector) -> Vector:
@@ -141,7 +143,7 @@ def _build(
     if not held:
         _limit_thrusts(p, e, d.thruster_jacobian.shape[0])
     force_objective(t, p, e, m.response, qp)
-    input_map(d, t, e, v, m.response, m.gain, m.at_rest, False)
+    input_map(d, t, m, v)
     force_bounds(t, p.pyramid.shape[0], qp.lower, qp.upper)
     friction_rows(t, p, qp, 0)
     first = qp.lower.shape[0] - m.at_rest.shape[0]
@@ -190,96 +192,63 @@ def root_cost(e: CondensationRecord, response: Vector, qp: ProgramRecord) -> Non
 
 
 @kernel
-def input_map(
-    d: DynamicsRecord,
-    t: TargetsRecord,
-    e: CondensationRecord,
-    v: Vector,
-    response: Vector,
-    gain: Vector,
-    at_rest: Vector,
-    fixed: bool,
-) -> None:
+def input_map(d: DynamicsRecord, t: TargetsRecord, m: ContactForceRecord, v: Vector) -> None:
     """Thrusts and torques as an affine function of the contact forces: [u; τ] = at_rest + gain f.
 
-    With all of o fixed at zero, they are a function of y = [u; …], which holds the force of a
-    stance foot and the free acceleration of a swing foot: [u; τ] = at_rest + gain y. Between them
-    are the free accelerations ε.
-
-    ``response`` (6, n) is L⁻ᵀ G of these variables and becomes K⁻¹ G; ``gain`` (thrusts + joints,
-    n) and ``at_rest`` (thrusts + joints,) are written; ``fixed`` says whether all of o is.
+    ``response`` is L⁻ᵀ G_f and becomes K⁻¹ G_f.
     """
-    n, thrusts = response.shape[1], d.thruster_jacobian.shape[0]
-    first = thrusts + e.others.shape[0]
-    nothing = np.zeros(n - first if fixed else n)
+    e, n, thrusts = m.root, m.response.shape[1], d.thruster_jacobian.shape[0]
+    nothing = np.zeros(n)
     recover(e, nothing)
-    at_rest[:thrusts] = e.free_acceleration[:thrusts]
-    joint_torques(d, e, v, nothing, at_rest[thrusts:])
-    solve_factor(e.factor, response, n)
-    _free_per_unit(t, e, response, first, fixed)
-    _motion_per_unit(t, e, response, thrusts)
-    _input_per_unit(d, t, e, gain, first if fixed else 0)
-
-
-@kernel
-def _free_per_unit(
-    t: TargetsRecord, e: CondensationRecord, response: Vector, first: int, fixed: bool
-) -> None:
-    """Entries of o per unit of each variable, into ``free_per_unit``."""
-    free, n = e.free_per_unit, response.shape[1]
+    m.at_rest[:thrusts] = e.free_acceleration[:thrusts]
+    joint_torques(d, e, v, nothing, m.at_rest[thrusts:])
+    solve_factor(e.factor, m.response, n)
     for c in range(e.inverse_weight.shape[0]):
-        free[c, :n] = -e.inverse_weight[c] * (e.free_map[:, c] @ response)
-        if e.inverse_weight[c] != 0.0:
-            continue
-        if fixed and (c < first or t.held[(c - first) // 3] == 0.0):
-            free[c, c] = 1.0
+        m.free[c] = -e.inverse_weight[c] * (e.free_map[c] @ m.response)
+    _motion_per_unit(t, m, thrusts)
+    _input_per_unit(d, t, m)
 
 
 @kernel
-def _motion_per_unit(
-    t: TargetsRecord, e: CondensationRecord, response: Vector, thrusts: int
-) -> None:
-    """Generalised accelerations per unit of each variable, into ``motion_per_unit``."""
-    free, motion, n = e.free_per_unit, e.motion_per_unit, response.shape[1]
+def _motion_per_unit(t: TargetsRecord, m: ContactForceRecord, thrusts: int) -> None:
+    """Generalised accelerations per unit of each force, into ``motion``."""
+    e, free, motion = m.root, m.free, m.motion
     for j in range(6):
-        motion[j, :n] = e.inverse_body_weight[j] * e.mass[:, j] @ response
+        motion[j] = e.inverse_body_weight[j] * e.mass[:, j] @ m.response
     if e.centred:
-        root_of_centre(e, motion, free, n, 0.0)
+        root_of_centre(e, motion, free, motion.shape[1], 0.0)
     others = e.others.shape[0]
     first = thrusts + others
     for c in range(others):
-        motion[e.others[c], :n] = free[thrusts + c, :n]
+        motion[e.others[c]] = free[thrusts + c]
     limbs, joints, rows = e.inverse.shape
     for k in range(limbs):
         held = t.held[rows * k // 3] != 0.0
         for b in range(joints):
-            row = motion[e.limb[k, b], :n]
-            row[:] = e.limb_map[k, b] @ motion[:6, :n]
+            row = motion[e.limb[k, b]]
+            row[:] = e.limb_map[k, b] @ motion[:6]
             if not held:
-                row += e.inverse[k, b] @ free[first + rows * k : first + rows * (k + 1), :n]
+                row += e.inverse[k, b] @ free[first + rows * k : first + rows * (k + 1)]
 
 
 @kernel
-def _input_per_unit(
-    d: DynamicsRecord, t: TargetsRecord, e: CondensationRecord, gain: Vector, first: int
-) -> None:
-    """Thrusts and torques per unit of each variable; the columns of the feet begin at ``first``."""
-    free, motion, n = e.free_per_unit, e.motion_per_unit, gain.shape[1]
-    nv, thrusts = d.bias.shape[0], d.thruster_jacobian.shape[0]
-    gain[:thrusts] = free[:thrusts, :n]
+def _input_per_unit(d: DynamicsRecord, t: TargetsRecord, m: ContactForceRecord) -> None:
+    """Thrusts and torques per unit of each force, into ``gain``."""
+    e, gain, nv, thrusts = m.root, m.gain, d.bias.shape[0], d.thruster_jacobian.shape[0]
+    gain[:thrusts] = m.free[:thrusts]
     gain[thrusts:] = 0.0
     for j in range(6, nv):
         row = gain[thrusts + j - 6]
         for i in range(nv):
             if d.mass_matrix[j, i] != 0.0:  # limbs do not feel each other
-                row += d.mass_matrix[j, i] * motion[i, :n]
+                row += d.mass_matrix[j, i] * m.motion[i]
         for c in range(thrusts):
             if d.thruster_jacobian[c, j] != 0.0:
-                row -= d.thruster_jacobian[c, j] * free[c, :n]
+                row -= d.thruster_jacobian[c, j] * m.free[c]
     limbs, joints, rows = e.inverse.shape
     for k in range(limbs):
         if t.held[rows * k // 3] != 0.0:
-            jacobian, column = d.foot_jacobian[rows * k : rows * (k + 1)], first + rows * k
+            jacobian, column = d.foot_jacobian[rows * k : rows * (k + 1)], rows * k
             for b in range(joints):
                 j = e.limb[k, b]
                 gain[thrusts + j - 6, column : column + rows] -= jacobian[:, j]
@@ -301,7 +270,7 @@ def _limit_thrusts(p: FormulationRecord, e: CondensationRecord, thrusts: int) ->
                 e.free_acceleration[c] = high if u > high else low
                 e.inverse_weight[c] = 0.0
                 for i in range(6):
-                    e.right_hand_side[i] -= e.free_map[i, c] * e.free_acceleration[c]
+                    e.right_hand_side[i] -= e.free_map[c, i] * e.free_acceleration[c]
         if not found:
             break
         root_factor(e)

@@ -82,7 +82,7 @@ class CondensationRecord(RecordOf):
     mass: Vector = sized(6, 6)  # M_b
     bias: Vector = sized(6)  # n_b
     force_map: Vector = sized(6, "3 feet")  # G_f; zero columns for swing feet
-    free_map: Vector = sized(6, "thrusts + others + 3 feet")  # G_o; zero columns for stance feet
+    free_map: Vector = sized("thrusts + others + 3 feet", 6)  # G_oᵀ; zero rows for stance feet
     free_acceleration: Vector = sized("thrusts + others + 3 feet")  # o
     inverse_weight: Vector = sized(
         "thrusts + others + 3 feet"
@@ -98,9 +98,6 @@ class CondensationRecord(RecordOf):
     centre_bias: Vector = sized(3)  # c, but for its zeros
     centre_free: Vector = sized(2, "thrusts + others + 3 feet")  # C_o, but for its zeros
     acceleration: Vector = sized("nv")  # a
-    # o per unit of each variable of ``input_map``
-    free_per_unit: Vector = sized("thrusts + others + 3 feet", "thrusts + others + 3 feet")
-    motion_per_unit: Vector = sized("nv", "thrusts + others + 3 feet")  # a per unit of each of them
 
 
 @kernel
@@ -112,7 +109,7 @@ def eliminate_limbs(
     first = thrusts + others
     e.bias[:] = d.bias[:6] + d.damping[:6] * v[:6]
     e.mass[:] = d.mass_matrix[:6, :6]
-    e.free_map[:, :thrusts] = d.thruster_jacobian[:, :6].T
+    e.free_map[:thrusts] = d.thruster_jacobian[:, :6]
     e.inverse_body_weight[:3], e.inverse_body_weight[3:] = 1.0 / p.w_body, 1.0 / p.w_orientation
     e.inverse_weight[:thrusts] = 1.0 / p.w_thrust
     for k in range(e.limb.shape[0]):
@@ -122,8 +119,8 @@ def eliminate_limbs(
         e.posture[:] = t.joints[e.others - 6]
         e.free_acceleration[thrusts:first] = 0.0
         e.inverse_weight[thrusts:first] = 1.0 / (p.w_arms * t.joint_share[e.others - 6])
-        e.free_map[:, thrusts:first] = -d.mass_matrix[:6, e.others]
-        e.bias -= e.free_map[:, thrusts:first] @ e.posture
+        e.free_map[thrusts:first] = -d.mass_matrix[e.others, :6]
+        e.bias -= e.free_map[thrusts:first].T @ e.posture
     e.centred = 0
     if t.centred:
         turn_to_centre(d, t, e, v)
@@ -167,11 +164,11 @@ def _add_limb(
     if t.held[first // 3] != 0.0:
         e.inverse_weight[free : free + rows] = 0.0
         e.force_map[:, first : first + rows] = d.foot_jacobian[first : first + rows, :6].T
-        e.free_map[:, free : free + rows] = 0.0
+        e.free_map[free : free + rows] = 0.0
     else:
         e.inverse_weight[free : free + rows] = 0.0 if p.w_swing == 0.0 else 1.0 / p.w_swing
         e.force_map[:, first : first + rows] = 0.0
-        e.free_map[:, free : free + rows] = -(mass @ e.inverse[k])
+        e.free_map[free : free + rows] = -(e.inverse[k].T @ mass.T)
 
 
 @kernel
@@ -203,9 +200,12 @@ def root_compliance(e: CondensationRecord, compliance: Vector) -> None:
     taken as fixed.
     """
     for i in range(6):
-        body, free = e.mass[i] * e.inverse_body_weight, e.free_map[i] * e.inverse_weight
-        for j in range(i + 1):
-            compliance[i, j] = compliance[j, i] = body @ e.mass[j] + free @ e.free_map[j]
+        compliance[i, :6] = e.mass @ (e.inverse_body_weight * e.mass[i])
+    for c in range(e.inverse_weight.shape[0]):
+        if e.inverse_weight[c] != 0.0:
+            for i in range(6):
+                share = e.inverse_weight[c] * e.free_map[c, i]
+                compliance[i, :6] += share * e.free_map[c]
 
 
 @kernel
@@ -222,7 +222,7 @@ def recover(e: CondensationRecord, f: Vector) -> None:
     """
     e.multiplier[:] = e.right_hand_side - e.force_map @ f
     solve_vector(e.factor, e.multiplier)
-    move_root(e, e.mass.T @ e.multiplier, e.free_map.T @ e.multiplier)
+    move_root(e, e.mass.T @ e.multiplier, e.free_map @ e.multiplier)
     move_limbs(e)
 
 
@@ -277,11 +277,11 @@ def turn_to_centre(d: DynamicsRecord, t: TargetsRecord, e: CondensationRecord, v
     e.centre_bias[:2] = t.centre_drift[:2] + rotation[:2] @ (e.bias[:3] - d.bias[:3]) / mass
     e.centre_bias[2] = rotation[2] @ np.cross(v[3:6], v[:3])
     e.centre_free[:, :thrusts] = 0.0
-    e.centre_free[:, thrusts:] = -(rotation[:2] @ e.free_map[:3, thrusts:]) / mass
+    e.centre_free[:, thrusts:] = -(rotation[:2] @ e.free_map[thrusts:, :3].T) / mass
     e.desired[:3] = t.body
     e.mass[:] = e.mass @ e.root_per_centre
     e.bias -= e.mass[:, :3] @ e.centre_bias
-    e.free_map += e.mass[:, :2] @ e.centre_free
+    e.free_map += e.centre_free.T @ e.mass[:, :2].T
 
 
 @kernel

@@ -86,7 +86,7 @@ def add_torque_limit(
     bias = limit_of_joint(d, t, e, m, v, k)
     body, free = e.inverse_body_weight * m.mass[k], e.inverse_weight * m.free_map[k]
     n.demand[at] = m.mass[k] @ e.desired + bias
-    n.compliance[at, :6] = n.compliance[:6, at] = e.mass @ body + e.free_map @ free
+    n.compliance[at, :6] = n.compliance[:6, at] = e.mass @ body + e.free_map.T @ free
     for other in range(k + 1):
         entry = m.mass[other] @ body + m.free_map[other] @ free
         n.compliance[at, 6 + other] = n.compliance[6 + other, at] = entry

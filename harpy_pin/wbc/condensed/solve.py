@@ -93,7 +93,7 @@ def solve_condensed(
     _begin_search(d, t, p)
     found = find_forces(n)
     p.free_piece[:] = n.piece
-    _move(d, p, v, torque)
+    _move(d, p, v, torque, found)
     if outside(torque, p.input_lower[thrusts:], p.input_upper[thrusts:]):
         found = _within_limits(d, t, p, v, torque)
     note_limits(p.limits, n)
@@ -152,18 +152,20 @@ def _within_limits(
     for _ in range(ROUNDS):
         if more:
             found = find_forces(n)
-            _move(d, p, v, torque)
+            _move(d, p, v, torque, found)
             more = add_violated(d, t, e, p.limits, n, v, torque, p.torque_limit)
     p.limited_piece[:] = n.piece
     return found and not more
 
 
 @kernel
-def _move(d: DynamicsRecord, p: CondensedRecord, v: Vector, torque: Vector) -> None:
-    """λ, motion and torques of the forces that were found."""
+def _move(d: DynamicsRecord, p: CondensedRecord, v: Vector, torque: Vector, found: bool) -> None:
+    """λ, motion and torques of the forces at hand."""
     e, n, m, last = p.root, p.newton, p.limits, p.newton.limits
-    root_multiplier(n, e.multiplier)
-    body, free = e.mass.T @ e.multiplier, e.free_map.T @ e.multiplier
+    e.multiplier[:] = n.multiplier[:6]
+    if not found:
+        root_multiplier(n, e.multiplier)
+    body, free = e.mass.T @ e.multiplier, e.free_map @ e.multiplier
     if last > 0:
         body += m.mass[:last].T @ n.multiplier[6 : 6 + last]
         free += m.free_map[:last].T @ n.multiplier[6 : 6 + last]
