@@ -192,8 +192,7 @@ class CondensedBatch(KeepsViews):
         self.thrust = np.zeros((n, len(robot.thrusters), 3), self.dtype)
         self.force = np.zeros((n, feet, 3), self.dtype)
         self.status = np.zeros(n, dtype=np.int64)
-        sizes = (feet, feet, robot.n_thrust, joints)
-        pieces = [np.zeros((n, size), np.int64) for size in sizes]
+        pieces = [np.zeros((n, size), np.int64) for size in (feet, feet, joints)]
         multiplier, target = np.zeros((n, joints)), np.zeros((n, *motors["target"].shape[1:]))
         self._memory = (*pieces, multiplier, np.zeros(n, np.int64), target)
         model = robot.model
@@ -287,7 +286,6 @@ def step_batch(
         NDArray[np.int64],
         NDArray[np.int64],
         NDArray[np.int64],
-        NDArray[np.int64],
         Vector,
         NDArray[np.int64],
         Vector,
@@ -301,7 +299,7 @@ def step_batch(
     :meth:`step`.
     """
     record, gait, motors, body = parts
-    free_piece, limited_piece, thrust_piece, last_end, last_multiplier, follows, target = memory
+    free_piece, limited_piece, last_end, last_multiplier, follows, target = memory
     mu, mass_error = robots
     q, v, foot_force = given
     torque, thrust, force, law, status = results
@@ -309,7 +307,6 @@ def step_batch(
     for i in range(begin, end):
         _take_targets(gait[0], targets, i)
         p.free_piece[:], p.limited_piece[:] = free_piece[i], limited_piece[i]
-        p.newton.thrust_piece[:] = thrust_piece[i]
         p.limits.last_end[:], p.limits.last_multiplier[:] = last_end[i], last_multiplier[i]
         d.tree.mass[0] = (1.0 + mass_error[i]) * b.mass
         d.tree.inertia[0] = (1.0 + mass_error[i]) * b.inertia
@@ -328,7 +325,6 @@ def step_batch(
             m.follows = 0
             status[i] = BAD_STATE
         free_piece[i], limited_piece[i] = p.free_piece, p.limited_piece
-        thrust_piece[i] = p.newton.thrust_piece
         last_end[i], last_multiplier[i] = p.limits.last_end, p.limits.last_multiplier
         follows[i] = m.follows
         target[i] = m.target

@@ -55,6 +55,8 @@ MOVES, LEAST_YIELD = 16, 1e-12
 """Proximal steps of limits, at most, and least share of δ, which falls tenfold with each."""
 TOTAL = 500
 """Newton's steps of a solve, at most."""
+APART = 1e30
+BEYOND = ByPrecision(1e-9, single=1e-5)
 SETTLED = 1e-8
 """How far s₀ may be from s, and how far limits may yield, relative to 1 + the size of s."""
 EXACT = ByPrecision(1e-12, single=1e-6)
@@ -63,7 +65,7 @@ GUESSED = ByPrecision(1e-10, single=1e-5)
 """Residual that a guess may leave: it does not begin at the root of the last step, and so is less
 exact.
 """
-SLOPE = 0.1
+SLOPE = 0.03
 """Share of the slope along a step that the search along it leaves."""
 CUTS = 25
 """Points that the search along a step looks at."""
@@ -114,6 +116,11 @@ class NewtonRecord(RecordOf):
     thrust_piece: NDArray[np.int64] = sized("thrusts", whole=True)
     # of each quantity at a limit: 0 within its range, 1 at the lower end, 2 at the upper one
     limit_piece: NDArray[np.int64] = sized("joints", whole=True)
+    # along a step: the linear part of the slope, and forces and thrusts before their projections,
+    # each at the start and per step; and the share of the slope of each
+    line: Vector = sized(2)
+    line_force: Vector = sized("feet", 3, 3)
+    line_thrust: Vector = sized("thrusts", 3)
     steps: int = ZERO  # of the last solve, in all its searches
 
 
@@ -156,12 +163,11 @@ def find_forces(n: NewtonRecord) -> bool:
         n.multiplier[:] = 0.0
         n.limit_last[:] = 0.0
     for _ in range(MOVES):
-        if not found:
-            found = _descend(n, multiplier, 1.0, LAST_STEPS, False)
-        settled = move_limits(n)
-        if found and settled:
-            return True
+        if not found and not _descend(n, multiplier, 1.0, LAST_STEPS, False):
+            return False
         found = False
+        if not _exchange_limits(n) and move_limits(n):
+            return True
     return False
 
 
@@ -182,7 +188,6 @@ def enter_limit(n: NewtonRecord, lower: float, upper: float, end: int, weight: f
     k, at = n.limits, 6 + n.limits
     n.limit_range[k, 0], n.limit_range[k, 1], n.limit_weight[k] = lower, upper, weight
     n.limit_piece[k] = end
-    n.limit_centre[k] = n.limit_range[k, end - 1]
     n.limit_last[k] = n.multiplier[at]
     column = n.force_map[:, at]
     n.limit_yield[k] = YIELD * (n.compliance[at, at] + column @ column / n.force_weight)
@@ -190,18 +195,39 @@ def enter_limit(n: NewtonRecord, lower: float, upper: float, end: int, weight: f
 
 
 @kernel
+def _exchange_limits(n: NewtonRecord) -> bool:
+    """Leave limits whose multipliers pull beyond them, and return to those that are violated;
+    whether there are any.
+    """
+    changed = False
+    for k in range(n.limits):
+        at, end = 6 + k, n.limit_piece[k]
+        lower, upper = n.limit_range[k]
+        if end == 0:
+            s = n.limited[k]
+            end = 1 if s < lower - BEYOND * (1.0 + abs(lower)) else 0
+            if s > upper + BEYOND * (1.0 + abs(upper)):
+                end = 2
+        elif n.multiplier[at] * (1.0 if end == 1 else -1.0) > 0.0:
+            end = 0
+            n.multiplier[at] = 0.0
+        if end != n.limit_piece[k]:
+            changed = True
+            n.limit_piece[k] = end
+            n.limit_last[k] = 0.0
+    return changed
+
+
+@kernel
 def move_limits(n: NewtonRecord) -> bool:
-    """s₀ and ν₀ of all limits to where s and ν are; whether they were there."""
+    """ν₀ of all limits to where ν is; whether it was there."""
     settled = True
     for k in range(n.limits):
-        s, nu = n.limited[k], n.multiplier[6 + k]
-        gap = n.yielding * n.limit_yield[k] * abs(nu - n.limit_last[k])
-        if n.limit_piece[k] == 0:
-            gap += abs(s - n.limit_centre[k])
-            n.limit_centre[k] = s
-            n.multiplier[6 + k] = 0.0
-        settled = settled and gap <= SETTLED * (1.0 + abs(s))
-        n.limit_last[k] = n.multiplier[6 + k]
+        if n.limit_piece[k] != 0:
+            nu, limit = n.multiplier[6 + k], n.limit_range[k, n.limit_piece[k] - 1]
+            gap = n.yielding * n.limit_yield[k] * abs(nu - n.limit_last[k])
+            settled = settled and gap <= SETTLED * (1.0 + abs(limit))
+            n.limit_last[k] = nu
     n.yielding = max(0.1 * n.yielding, LEAST_YIELD)
     return settled
 
@@ -344,13 +370,13 @@ def _evaluate(n: NewtonRecord, multiplier: Vector, softer: float) -> int:
         n.thrust_piece[k], n.thrust[k] = piece, min(max(g, lower), upper)
         residual += n.thrust[k] * n.thrust_map[k, :s]
     for k in range(s - 6):
-        g = n.limit_centre[k] + multiplier[6 + k] / (softer * n.limit_weight[k])
-        lower, upper = n.limit_range[k]
-        piece = 1 if g < lower else 2 if g > upper else 0
-        changed += 1 if piece != n.limit_piece[k] else 0
-        n.limit_piece[k], n.limited[k] = piece, min(max(g, lower), upper)
-        away = multiplier[6 + k] - n.limit_last[k]
-        residual[6 + k] += n.limited[k] + n.yielding * n.limit_yield[k] * away
+        if n.limit_piece[k] == 0:
+            n.limited[k] = -residual[6 + k]
+            residual[6 + k] = 0.0
+        else:
+            away = multiplier[6 + k] - n.limit_last[k]
+            limit = n.limit_range[k, n.limit_piece[k] - 1]
+            residual[6 + k] += limit + n.yielding * n.limit_yield[k] * away
     return changed
 
 
@@ -381,14 +407,12 @@ def _linearise(n: NewtonRecord, root: Vector, softer: float) -> None:
         else:
             root -= n.thrust_range[k, end - 1] * column
     for k in range(s - 6):
-        matrix[6 + k, 6 + k] += n.yielding * n.limit_yield[k]
-        root[6 + k] += n.yielding * n.limit_yield[k] * n.limit_last[k]
-        end = n.limit_piece[k]
-        if end == 0:
-            matrix[6 + k, 6 + k] += 1.0 / (softer * n.limit_weight[k])
-            root[6 + k] -= n.limit_centre[k]
+        if n.limit_piece[k] == 0:
+            matrix[6 + k, 6 + k] = APART
         else:
-            root[6 + k] -= n.limit_range[k, end - 1]
+            matrix[6 + k, 6 + k] += n.yielding * n.limit_yield[k]
+            root[6 + k] += n.yielding * n.limit_yield[k] * n.limit_last[k]
+            root[6 + k] -= n.limit_range[k, n.limit_piece[k] - 1]
     factorise(matrix, matrix, MIN_PIVOT * _largest(matrix))
 
 
@@ -398,16 +422,64 @@ def _search_along(n: NewtonRecord, multiplier: Vector, softer: float, slope: flo
     falsi, Illinois).
     """
     s = multiplier.shape[0]
-    step, residual = n.step[:s], n.residual[:s]
-    low, high, below, above = 0.0, 1.0, slope, np.dot(step, residual)
+    start, step, share = n.start[:s], n.step[:s], 1.0
+    _begin_line(n, multiplier, softer)
+    low, high, below, above = 0.0, 1.0, slope, _slope_along(n, 1.0)
     for cut in range(CUTS):
         share = low - below * (high - low) / (above - below) if cut < 7 else 0.5 * (low + high)
-        multiplier[:] = n.start[:s] + share * step
-        _evaluate(n, multiplier, softer)
-        here = np.dot(step, residual)
+        here = _slope_along(n, share)
         if abs(here) <= -SLOPE * slope:
-            return
+            break
         if here < 0.0:
             low, below, above = share, here, 0.5 * above
         else:
             high, above, below = share, here, 0.5 * below
+    multiplier[:] = start + share * step
+    _evaluate(n, multiplier, softer)
+
+
+@kernel
+def _begin_line(n: NewtonRecord, multiplier: Vector, softer: float) -> None:
+    """What is linear along the step: part of the slope, and the forces before their projections."""
+    s, per_force = multiplier.shape[0], 1.0 / (softer * n.force_weight)
+    start, step = n.start[:s], n.step[:s]
+    n.line[0], n.line[1] = -(n.target[:s] @ step), 0.0
+    for i in range(s):
+        n.line[0] += step[i] * (n.soft[i, :s] @ start)
+        n.line[1] += step[i] * (n.soft[i, :s] @ step)
+    for k in range(s - 6):
+        at, end = 6 + k, n.limit_piece[k]
+        if end == 0:  # its equation is left out
+            n.line[0] -= step[at] * (n.soft[at, :s] @ start - n.target[at])
+            n.line[1] -= step[at] * (n.soft[at, :s] @ step)
+        else:
+            yielding = n.yielding * n.limit_yield[k]
+            away = n.limit_range[k, end - 1] + yielding * (start[at] - n.limit_last[k])
+            n.line[0] += step[at] * away
+            n.line[1] += step[at] * yielding * step[at]
+    for k in range(n.held.shape[0]):
+        pull, line = n.force_map[3 * k : 3 * k + 3, :s], n.line_force[k]
+        line[0] = per_force * (pull @ start) + n.planned[3 * k : 3 * k + 3]
+        line[2] = pull @ step
+        line[1] = per_force * line[2]
+    for k in range(n.thrust.shape[0]):
+        along = n.thrust_map[k, :s] @ step
+        n.line_thrust[k, 0] = n.thrust_map[k, :s] @ start / (softer * n.thrust_weight)
+        n.line_thrust[k, 1], n.line_thrust[k, 2] = along / (softer * n.thrust_weight), along
+
+
+@kernel
+def _slope_along(n: NewtonRecord, share: float) -> float:
+    """step · F at a share of the step."""
+    slope, force = n.line[0] + share * n.line[1], np.empty((3,))
+    for k in range(n.held.shape[0]):
+        if n.held[k] != 0.0:
+            g = n.line_force[k, 0] + share * n.line_force[k, 1]
+            lower, upper = n.force_range[k]
+            project(g, n.friction[k], lower, upper, n.faces, force)
+            slope += n.line_force[k, 2] @ force
+    for k in range(n.thrust.shape[0]):
+        lower, upper = n.thrust_range[k]
+        u = n.line_thrust[k, 0] + share * n.line_thrust[k, 1]
+        slope += n.line_thrust[k, 2] * min(max(u, lower), upper)
+    return slope

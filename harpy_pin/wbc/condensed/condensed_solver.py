@@ -180,7 +180,6 @@ class CondensedSolver(KeepsViews):
         """Forget where the last tick's search ended."""
         for name in ("free_piece", "limited_piece"):
             self._record_[name] = 0
-        self._record_["newton"]["thrust_piece"] = 0
         self._record_["limits"]["last_end"] = 0
 
     @property

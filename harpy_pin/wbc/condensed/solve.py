@@ -56,8 +56,8 @@ class CondensedRecord(ProblemRecord):
     root: CondensationRecord  # the robot as six equations
     newton: NewtonRecord  # the search for the forces
     limits: TorqueLimitsRecord  # that bind
-    # pieces of their cones on which the forces of the last tick's optimum without limits were, and
-    # those of the last one with limits
+    # pieces of their cones on which the forces of the last optimum without limits were, and those of
+    # the last one with limits
     free_piece: NDArray[np.int64] = sized("feet", whole=True)
     limited_piece: NDArray[np.int64] = sized("feet", whole=True)
     least_share: Vector = sized(
@@ -94,8 +94,9 @@ def solve_condensed(
     found = find_forces(n)
     p.free_piece[:] = n.piece
     _move(d, p, v, torque, found)
-    if outside(torque, p.input_lower[thrusts:], p.input_upper[thrusts:]):
-        found = _within_limits(d, t, p, v, torque)
+    beyond = outside(torque, p.input_lower[thrusts:], p.input_upper[thrusts:])
+    if beyond or outside(n.thrust, p.input_lower, p.input_upper):
+        found = _within_limits(d, t, p, v, torque, beyond)
     note_limits(p.limits, n)
     if not found:
         p.status_and_steps[0] |= SUBOPTIMAL
@@ -113,31 +114,33 @@ def solve_condensed(
 
 @kernel
 def _begin_search(d: DynamicsRecord, t: TargetsRecord, p: CondensedRecord) -> None:
-    """The equation in λ without limits of torques: K, w, maps, cones and ranges."""
-    e, n, thrusts = p.root, p.newton, d.thruster_jacobian.shape[0]
+    """The equation in λ without limits of thrusts and torques: K, w, maps, cones and ranges."""
+    e, n = p.root, p.newton
     root_compliance(e, n.compliance)
     n.demand[:6] = e.right_hand_side
     n.force_map[:, :6] = e.force_map.T
     n.thrust_map[:, :6] = d.thruster_jacobian[:, :6]
-    n.thrust_range[:, 0], n.thrust_range[:, 1] = p.input_lower[:thrusts], p.input_upper[:thrusts]
+    n.thrust_range[:, 0], n.thrust_range[:, 1] = -np.inf, np.inf
     friction_limits(t, p)
     n.friction[:] = p.inscribed * p.friction
     n.force_range[:] = t.force_range
     n.held[:] = t.held
     n.piece[:] = p.free_piece
+    n.thrust_piece[:] = 0
     n.limits = n.steps = 0
     p.least_share[:] = 1.0
 
 
 @kernel
 def _within_limits(
-    d: DynamicsRecord, t: TargetsRecord, p: CondensedRecord, v: Vector, torque: Vector
+    d: DynamicsRecord, t: TargetsRecord, p: CondensedRecord, v: Vector, torque: Vector, beyond: bool
 ) -> bool:
-    """The optimum with limits, which the torques of that without them exceed; whether it was
-    found.
+    """The optimum with limits, which that without them exceeds, by torques where it is ``beyond``;
+    whether it was found.
     """
-    e, n = p.root, p.newton
-    if p.give_way < 1.0:
+    e, n, thrusts = p.root, p.newton, p.newton.thrust.shape[0]
+    n.thrust_range[:, 0], n.thrust_range[:, 1] = p.input_lower[:thrusts], p.input_upper[:thrusts]
+    if p.give_way < 1.0 and beyond:
         first = e.inverse_weight.shape[0] - t.held.shape[0] * 3
         for k in range(t.held.shape[0]):
             p.least_share[k] = share_of_least_force(d, torque, p.torque_limit, k)
@@ -145,12 +148,13 @@ def _within_limits(
             e.inverse_weight[first + 3 * k : first + 3 * k + 3] /= share
         n.force_range[:, 0] = p.least_share * t.force_range[:, 0]
         root_compliance(e, n.compliance)
-    n.piece[:] = p.limited_piece
+    if np.any(p.limits.last_end > 0):
+        n.piece[:] = p.limited_piece
     begin_limits(d, t, e, p.limits, n, v, p.torque_limit)
     add_violated(d, t, e, p.limits, n, v, torque, p.torque_limit)
-    found, more = False, True
+    found, more = True, True
     for _ in range(ROUNDS):
-        if more:
+        if found and more:
             found = find_forces(n)
             _move(d, p, v, torque, found)
             more = add_violated(d, t, e, p.limits, n, v, torque, p.torque_limit)
