@@ -1,9 +1,9 @@
 """What gives way where motors are at their limits.
 
-A motor that cannot follow a swing foot would otherwise make the body pay: the swing task's weight is
-several times that of the body, and its error grows with the square of what is missing. So where the
-optimum without limits of thrusts and torques needs torques τ° beyond theirs, the problem that is
-solved with all limits has
+A motor that cannot follow a swing foot would otherwise make the body pay: the swing task's weight
+is several times that of the body, and its error grows with the square of what is missing. So where
+the optimum without limits of thrusts and torques needs torques τ° beyond theirs, the problem that
+is solved with all limits has
 
 - for a swing foot, only the share σ of its weight. σ falls from one to ``give_way`` while the
   largest |τ°| / τ_max of the joints that move the foot grows from 1 to 1 + ``SPAN``, so that

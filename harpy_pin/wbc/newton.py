@@ -1,29 +1,23 @@
 """The contact forces: one equation in six unknowns, whatever the number of forces.
 
-The optimum of :mod:`~harpy_pin.wbc.tree.elimination` minimises ½ (w − y)ᵀ K⁻¹ (w − y) + ½ ε ‖f‖²
-with y = G f and every f_k in its cone C_k. With λ = K⁻¹ (w − y), the first-order condition says
-that f_k minimises ½ ε ‖f_k‖² − λᵀ G_k f_k on C_k: it is the point of C_k nearest to G_kᵀ λ / ε. So
-the optimum is the root of
+With the accelerations eliminated, what is left of a whole-body optimum minimises
+½ (w − y)ᵀ K⁻¹ (w − y) + ½ ε ‖f‖² with y = G f and every f_k in its cone C_k. K, w and G are those of
+:mod:`~harpy_pin.wbc.condensed.condense` or :mod:`~harpy_pin.wbc.tree.elimination`. With
+λ = K⁻¹ (w − y), the first-order condition says that f_k minimises ½ ε ‖f_k‖² − λᵀ G_k f_k on C_k: it
+is the point of C_k nearest to G_kᵀ λ / ε. So the optimum is the root of
 
     F(λ) = Σ_k G_k Π_k(G_kᵀ λ / ε) + K λ − w = 0,    f_k = Π_k(G_kᵀ λ / ε)
 
 Thrusts are forces with intervals as cones and a weight of their own. Where forces f* are planned,
 the cost is ½ ε ‖f − f*‖², and f_k = Π_k(f*_k + G_kᵀ λ / ε). A limit that binds adds one unknown to
 λ, a row and a column to K, an entry to w, and a column to every G_kᵀ
-(:mod:`harpy_pin.wbc.tree.limits`). F is the gradient of a strictly convex function: K is positive
-definite, and Π_k is the gradient of a convex one (Moreau).
-So the root is unique, and Newton's method with a search along each step descends to it. F is linear
-as long as no force changes its piece of a cone's surface: a whole step without such a change ends
-at the root itself.
+(:mod:`~harpy_pin.wbc.optimum`).
 
-**Tasks of momentum** add ½ ‖X y − h‖²_V, a function of y alone. By Woodbury's identity they change
-K and w:
-
-    K ← K − K Xᵀ S⁻¹ X K,    w ← w + K Xᵀ S⁻¹ (h − X w),    S = V⁻¹ + X K Xᵀ
-
-**Bounded.** Where ``STEPS`` do not suffice, the weight ε is raised and comes down again, with some
-steps for each weight. Forces are projections always, so what is at hand when the bound is reached
-is in its cones; the motion that belongs to it follows from λ = K⁻¹ (w − G f) all the same.
+F is the gradient of a strictly convex function: K is positive definite, and Π_k is the gradient of
+a convex one (Moreau). So the root is unique, and Newton's method with a search along each step
+descends to it. F is linear as long as no force changes its piece of a cone's surface: a whole step
+without such a change ends at the root itself. Pieces seldom change from tick to tick, so the first
+step takes those of the last tick, and then is the only one.
 """
 
 from __future__ import annotations
@@ -34,31 +28,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from harpy_pin.kernels import ByPrecision, kernel
-from harpy_pin.model.cholesky import factorise, solve_transposed, solve_vector
+from harpy_pin.model.cholesky import factorise, solve_vector
 from harpy_pin.model.record import ZERO, RecordOf, Records, make_record, sized
 from harpy_pin.model.state import Vector
-from harpy_pin.model.terms import all_finite
 from harpy_pin.wbc.cones import on_piece, project
 from harpy_pin.wbc.weights import WholeBodyLimits
 
-STEPS = 12
-"""Steps at the true weight of the forces, before it is raised."""
-SOFTER, SOFT_STEPS, LAST_STEPS = 1e5, 8, 40
-"""Factor on ε to begin with, steps with each weight on the way down by tens, and at the true
-weight.
-"""
-YIELD = ByPrecision(1e-4, single=1e-2)
-"""δ to begin with, relative to the compliance of forces and motion to the limit's multiplier."""
-LIGHT = 0.03
-"""ε_s of torques, in weights of the square of a force."""
-MOVES, LEAST_YIELD = 16, 1e-12
-"""Proximal steps of limits, at most, and least share of δ, which falls tenfold with each."""
 TOTAL = 500
-"""Newton's steps of a solve, at most."""
-APART = 1e30
-BEYOND = ByPrecision(1e-9, single=1e-5)
-SETTLED = 1e-8
-"""How far s₀ may be from s, and how far limits may yield, relative to 1 + the size of s."""
+"""Steps of a solve, at most."""
 EXACT = ByPrecision(1e-12, single=1e-6)
 """Residual, relative to the terms of the equation, that is rounding."""
 GUESSED = ByPrecision(1e-10, single=1e-5)
@@ -71,12 +48,14 @@ CUTS = 25
 """Points that the search along a step looks at."""
 MIN_PIVOT = 1e-14
 """Least pivot of the Newton matrix, relative to its largest entry."""
+APART = 1e30
+"""Pivot of an equation that is left out: its unknown stays zero."""
 
 
 class NewtonRecord(RecordOf):
     """The equation in λ, and its root: six unknowns, and one for each limit that binds."""
 
-    limits: int = ZERO  # how many bind
+    limits: int = ZERO  # how many there are
     compliance: Vector = sized("6 + joints", "6 + joints")  # K
     demand: Vector = sized("6 + joints")  # w
     soft: Vector = sized("6 + joints", "6 + joints")  # K with the tasks of momentum in it
@@ -97,24 +76,22 @@ class NewtonRecord(RecordOf):
     thrust_weight: float
     thrust_range: Vector = sized("thrusts", 2)  # N
     limit_range: Vector = sized("joints", 2)  # of each quantity at a limit
-    limit_weight: Vector = sized("joints", fill=1.0)  # ε_s
-    limit_centre: Vector = sized("joints")  # s₀
     limit_yield: Vector = sized("joints")  # δ to begin with
     yielding: float = 1.0  # share of it that is left
     limit_last: Vector = sized("joints")  # ν₀
-    multiplier: Vector = sized("6 + joints")  # λ of the last tick, where the next one begins
+    multiplier: Vector = sized("6 + joints")  # λ
     residual: Vector = sized("6 + joints")  # F
     step: Vector = sized("6 + joints")
     start: Vector = sized("6 + joints")
     matrix: Vector = sized("6 + joints", "6 + joints")  # derivative of F
     force: Vector = sized("3 feet")  # f in the axes of the contacts, N
     thrust: Vector = sized("thrusts")  # N
-    limited: Vector = sized("joints")  # each quantity at a limit
+    limited: Vector = sized("joints")  # each quantity whose limit does not bind
     derivative: Vector = sized("feet", 3, 3)  # of Π_k
     turned: Vector = sized(3, "6 + joints")  # Π_k' G_kᵀ
     piece: NDArray[np.int64] = sized("feet", whole=True)
     thrust_piece: NDArray[np.int64] = sized("thrusts", whole=True)
-    # of each quantity at a limit: 0 within its range, 1 at the lower end, 2 at the upper one
+    # of each limit: 0 where it does not bind, 1 at the lower end of its range, 2 at the upper one
     limit_piece: NDArray[np.int64] = sized("joints", whole=True)
     # along a step: the linear part of the slope, and forces and thrusts before their projections,
     # each at the start and per step; and the share of the slope of each
@@ -149,152 +126,7 @@ def newton_record(
 
 
 @kernel
-def find_forces(n: NewtonRecord) -> bool:
-    """Forces and thrusts of the optimum, and λ = K⁻¹ (w − G f); whether the root was found."""
-    add_momentum(n)
-    if not all_finite(n.target):
-        return False
-    n.yielding = 1.0
-    if n.limits == 0:
-        return _find_root(n)
-    multiplier = n.multiplier[: 6 + n.limits]
-    found = _descend(n, multiplier, 1.0, STEPS, True)
-    if not found:
-        n.multiplier[:] = 0.0
-        n.limit_last[:] = 0.0
-    for _ in range(MOVES):
-        if not found and not _descend(n, multiplier, 1.0, LAST_STEPS, False):
-            return False
-        found = False
-        if not _exchange_limits(n) and move_limits(n):
-            return True
-    return False
-
-
-@kernel
-def forget(n: NewtonRecord) -> None:
-    """The next search starts without limits, and with every force inside its cone."""
-    n.piece[:] = 0
-    n.thrust_piece[:] = 0
-    n.multiplier[:] = 0.0
-    n.limits = 0
-
-
-@kernel
-def enter_limit(n: NewtonRecord, lower: float, upper: float, end: int, weight: float) -> None:
-    """One limit more, at its lower end, 1, or its upper one, 2: its row of K, entry of w, columns of
-    the maps and multiplier are there already. ``weight`` is ε_s.
-    """
-    k, at = n.limits, 6 + n.limits
-    n.limit_range[k, 0], n.limit_range[k, 1], n.limit_weight[k] = lower, upper, weight
-    n.limit_piece[k] = end
-    n.limit_last[k] = n.multiplier[at]
-    column = n.force_map[:, at]
-    n.limit_yield[k] = YIELD * (n.compliance[at, at] + column @ column / n.force_weight)
-    n.limits += 1
-
-
-@kernel
-def _exchange_limits(n: NewtonRecord) -> bool:
-    """Leave limits whose multipliers pull beyond them, and return to those that are violated;
-    whether there are any.
-    """
-    changed = False
-    for k in range(n.limits):
-        at, end = 6 + k, n.limit_piece[k]
-        lower, upper = n.limit_range[k]
-        if end == 0:
-            s = n.limited[k]
-            end = 1 if s < lower - BEYOND * (1.0 + abs(lower)) else 0
-            if s > upper + BEYOND * (1.0 + abs(upper)):
-                end = 2
-        elif n.multiplier[at] * (1.0 if end == 1 else -1.0) > 0.0:
-            end = 0
-            n.multiplier[at] = 0.0
-        if end != n.limit_piece[k]:
-            changed = True
-            n.limit_piece[k] = end
-            n.limit_last[k] = 0.0
-    return changed
-
-
-@kernel
-def move_limits(n: NewtonRecord) -> bool:
-    """ν₀ of all limits to where ν is; whether it was there."""
-    settled = True
-    for k in range(n.limits):
-        if n.limit_piece[k] != 0:
-            nu, limit = n.multiplier[6 + k], n.limit_range[k, n.limit_piece[k] - 1]
-            gap = n.yielding * n.limit_yield[k] * abs(nu - n.limit_last[k])
-            settled = settled and gap <= SETTLED * (1.0 + abs(limit))
-            n.limit_last[k] = nu
-    n.yielding = max(0.1 * n.yielding, LEAST_YIELD)
-    return settled
-
-
-@kernel
-def _find_root(n: NewtonRecord) -> bool:
-    """The root; where Newton's steps do not suffice, by forces of a larger weight."""
-    multiplier = n.multiplier[:6]  # of a size known when compiling
-    found = _descend(n, multiplier, 1.0, STEPS, True)
-    if not found:
-        multiplier[:] = 0.0
-        softer = SOFTER
-        while softer > 1.5:
-            _descend(n, multiplier, softer, SOFT_STEPS, False)
-            softer *= 0.1
-        found = _descend(n, multiplier, 1.0, LAST_STEPS, False)
-    return found
-
-
-@kernel
-def root_multiplier(n: NewtonRecord, multiplier: Vector) -> None:
-    """λ (6,) of the root: with it the root's equations hold for the forces and the multipliers of
-    limits at hand, whichever they are.
-    """
-    multiplier[:] = n.demand[:6] - n.force_map[:, :6].T @ n.force
-    if n.thrust.shape[0] > 0:
-        multiplier -= n.thrust_map[:, :6].T @ n.thrust
-    s = 6 + n.limits
-    multiplier -= n.multiplier[6:s] @ n.compliance[6:s, :6]
-    matrix = n.matrix[:6, :6]
-    factorise(n.compliance[:6, :6], matrix, MIN_PIVOT * _largest(n.compliance))
-    solve_vector(matrix, multiplier)
-
-
-@kernel
-def add_momentum(n: NewtonRecord) -> None:
-    """``soft`` and ``target``: K and w with the tasks of momentum in them."""
-    s = 6 + n.limits
-    n.soft[:s, :s] = n.compliance[:s, :s]
-    n.target[:s] = n.demand[:s]
-    n.target[s:] = 0.0
-    if np.max(n.momentum_weight) == 0.0:
-        return
-    schur, right = np.empty((6, 6)), n.momentum_work[:, : s + 1]
-    right[:, :s] = n.momentum_map @ n.compliance[:6, :s]
-    right[:, s] = n.momentum_target - n.momentum_map @ n.demand[:6]
-    schur[:] = right[:, :6] @ n.momentum_map.T
-    for i in range(6):
-        schur[i, i] += 1.0 / max(n.momentum_weight[i], 1e-30)
-    factorise(schur, schur)
-    solve_transposed(schur, right, s + 1)
-    for i in range(s):
-        n.soft[i, :s] -= right[:, i] @ right[:, :s]
-        n.target[i] += right[:, i] @ right[:, s]
-
-
-@kernel
-def _largest(matrix: Vector) -> float:
-    """Largest of the first six entries of the diagonal."""
-    largest = 0.0
-    for i in range(6):
-        largest = max(largest, matrix[i, i])
-    return largest
-
-
-@kernel
-def _descend(n: NewtonRecord, multiplier: Vector, softer: float, most: int, guess: bool) -> bool:
+def descend(n: NewtonRecord, multiplier: Vector, softer: float, most: int, guess: bool) -> bool:
     """Newton's steps from ``multiplier``, with the weight of the forces times ``softer``; whether
     the root is found.
 
@@ -413,7 +245,7 @@ def _linearise(n: NewtonRecord, root: Vector, softer: float) -> None:
             matrix[6 + k, 6 + k] += n.yielding * n.limit_yield[k]
             root[6 + k] += n.yielding * n.limit_yield[k] * n.limit_last[k]
             root[6 + k] -= n.limit_range[k, n.limit_piece[k] - 1]
-    factorise(matrix, matrix, MIN_PIVOT * _largest(matrix))
+    factorise(matrix, matrix, MIN_PIVOT * largest(matrix))
 
 
 @kernel
@@ -483,3 +315,12 @@ def _slope_along(n: NewtonRecord, share: float) -> float:
         u = n.line_thrust[k, 0] + share * n.line_thrust[k, 1]
         slope += n.line_thrust[k, 2] * min(max(u, lower), upper)
     return slope
+
+
+@kernel
+def largest(matrix: Vector) -> float:
+    """Largest of the first six entries of the diagonal."""
+    largest = 0.0
+    for i in range(6):
+        largest = max(largest, matrix[i, i])
+    return largest

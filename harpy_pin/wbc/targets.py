@@ -1,6 +1,4 @@
-"""What a whole-body problem is given in a tick: weights, limits and targets, and what both WBCs read
-off them.
-"""
+"""Weights, limits and targets of a whole-body problem, and what both WBCs read off them."""
 
 from __future__ import annotations
 

@@ -15,16 +15,14 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from harpy_pin.kernels import ByPrecision, kernel
+from harpy_pin.kernels import kernel
 from harpy_pin.model.dynamics import DynamicsRecord
 from harpy_pin.model.record import RecordOf, sized
 from harpy_pin.model.state import Vector
 from harpy_pin.wbc.condensed.condense import CondensationRecord
-from harpy_pin.wbc.newton import LIGHT, NewtonRecord, enter_limit
+from harpy_pin.wbc.newton import NewtonRecord
+from harpy_pin.wbc.optimum import BEYOND, enter_limit
 from harpy_pin.wbc.targets import TargetsRecord
-
-BEYOND = ByPrecision(1e-9, single=1e-5)
-"""How far a torque must be beyond its limit to be a violation, relative to 1 + the limit."""
 
 
 class TorqueLimitsRecord(RecordOf):
@@ -92,7 +90,7 @@ def add_torque_limit(
         n.compliance[at, 6 + other] = n.compliance[6 + other, at] = entry
     n.force_map[:, at] = d.foot_jacobian[:, 6 + m.joint[k]]
     n.thrust_map[:, at] = d.thruster_jacobian[:, 6 + m.joint[k]]
-    enter_limit(n, -limit, limit, end, LIGHT * n.force_weight)
+    enter_limit(n, -limit, limit, end)
 
 
 @kernel

@@ -1,10 +1,10 @@
 """The whole-body optimum by six equations of the root, solved in a bounded number of operations.
 
 A tick eliminates the limbs (:mod:`harpy_pin.wbc.condensed.condense`), finds the contact forces and
-thrusts (:mod:`harpy_pin.wbc.newton`), and recovers motion and torques. Where torques of that optimum
-exceed their limits, which is rare, it is found again with the limits that bind
+thrusts (:mod:`harpy_pin.wbc.optimum`), and recovers motion and torques. Where that optimum exceeds
+limits of thrusts or torques, which is rare, it is found again with them
 (:mod:`harpy_pin.wbc.condensed.limits`), so that the result is the whole-body optimum in this case,
-too.
+too. What gives way there is said in :mod:`harpy_pin.wbc.giving_way`.
 
 For the rigid robot with regular limbs, at every state and for every target: with the torques and
 thrusts returned, the force on each stance foot is f, and f is in its pyramid and range. There are
@@ -37,7 +37,8 @@ from harpy_pin.wbc.condensed.limits import (
     note_limits,
 )
 from harpy_pin.wbc.giving_way import outside, share_of_least_force, share_of_swing
-from harpy_pin.wbc.newton import NewtonRecord, find_forces, root_multiplier
+from harpy_pin.wbc.newton import NewtonRecord
+from harpy_pin.wbc.optimum import find_forces, root_multiplier
 from harpy_pin.wbc.targets import ProblemRecord, TargetsRecord, friction_limits, root_acceleration
 
 ROUNDS = 4
@@ -56,8 +57,8 @@ class CondensedRecord(ProblemRecord):
     root: CondensationRecord  # the robot as six equations
     newton: NewtonRecord  # the search for the forces
     limits: TorqueLimitsRecord  # that bind
-    # pieces of their cones on which the forces of the last optimum without limits were, and those of
-    # the last one with limits
+    # pieces of their cones on which the forces were in the last optimum without limits, and in the
+    # last one with limits
     free_piece: NDArray[np.int64] = sized("feet", whole=True)
     limited_piece: NDArray[np.int64] = sized("feet", whole=True)
     least_share: Vector = sized(

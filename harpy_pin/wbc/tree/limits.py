@@ -2,16 +2,9 @@
 
 A limit is the range of a quantity x a + n − J_xᵀ f that is linear in accelerations and forces: of
 a torque x is the joint's row of the mass matrix, of an acceleration a unit vector, without n and
-forces. Only limits that the optimum without them violates enter it. Each is one unknown ν more:
-with the quantity s in its range and a cost ½ ε_s (s − s₀)²,
-
-    s = clip(s₀ + ν / ε_s),    x a + n − J_xᵀ f = s
-
-so it enters the equation in λ as a thrust does (:mod:`harpy_pin.wbc.newton`), and the
-elimination as a right-hand side. Contacts may fix a torque, so that its ν has no compliance in K.
-So it yields by δ (ν − ν₀). ν₀ moves to where ν is, s₀ to where s is within its range, and δ falls,
-until both terms are nothing: the proximal point method. A range of an acceleration yields by
-``COMPLIANCE`` times ν too: a joint whose motor is too weak to stop passes its end.
+forces. Only limits that the optimum without them violates enter it, each as one unknown ν more
+(:mod:`harpy_pin.wbc.optimum`), and the elimination as a right-hand side. A range of an acceleration
+yields by ``COMPLIANCE`` times ν: a joint whose motor is too weak to stop passes its end.
 
 **Ends of a joint.** An acceleration of the period h is such that the joint keeps its largest
 velocity, does not pass its end, and can still stop before it at the deceleration d:
@@ -32,19 +25,18 @@ from harpy_pin.kernels import kernel
 from harpy_pin.model.dynamics import DynamicsRecord
 from harpy_pin.model.record import RecordOf, sized
 from harpy_pin.model.state import Vector
-from harpy_pin.wbc.newton import LIGHT, NewtonRecord, enter_limit
+from harpy_pin.wbc.newton import NewtonRecord
+from harpy_pin.wbc.optimum import BEYOND, enter_limit
 from harpy_pin.wbc.tree.elimination import ROOT, EliminationRecord, eliminate_limit, limit_equation
 from harpy_pin.wbc.tree.tasks import ContactsRecord
 
 ROUNDS = 8
 """How often limits that are violated enter, at most."""
-ACCELERATION_WEIGHT = 1e-6
-"""ε_s of accelerations."""
 COMPLIANCE = 1e-6
 """By which a range of an acceleration yields, as that of contacts."""
-BEYOND, CLIPPED = 1e-9, 1e-6
-"""How far a quantity must be beyond its range to be a violation, and a torque at last to be one
-that does not belong to the motion, relative to 1 + the limit.
+CLIPPED = 1e-6
+"""How far a torque must be beyond its range at last not to belong to the motion, relative to 1 + the
+limit.
 """
 
 
@@ -133,8 +125,7 @@ def add_limit(
     for p in range(n.thrust.shape[0]):
         n.thrust_map[p, at] = d.thruster_jacobian[p, ROOT + j] if is_torque else 0.0
     lower, upper = m.torque_range[j] if is_torque else m.acceleration_range[j]
-    weight = LIGHT * n.force_weight if is_torque else ACCELERATION_WEIGHT
-    enter_limit(n, lower, upper, end, weight)
+    enter_limit(n, lower, upper, end)
 
 
 @kernel

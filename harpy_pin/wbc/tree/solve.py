@@ -8,7 +8,8 @@ from harpy_pin.model.entry import GOOD, MISFIT, all_finite
 from harpy_pin.model.record import RecordOf, sized
 from harpy_pin.model.state import Vector
 from harpy_pin.model.terms import update_terms
-from harpy_pin.wbc.newton import NewtonRecord, find_forces, forget, root_multiplier
+from harpy_pin.wbc.newton import NewtonRecord
+from harpy_pin.wbc.optimum import find_forces, forget, root_multiplier
 from harpy_pin.wbc.tree.elimination import (
     ROOT,
     SIDES,
