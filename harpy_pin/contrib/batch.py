@@ -192,9 +192,9 @@ class CondensedBatch(KeepsViews):
         self.thrust = np.zeros((n, len(robot.thrusters), 3), self.dtype)
         self.force = np.zeros((n, feet, 3), self.dtype)
         self.status = np.zeros(n, dtype=np.int64)
-        pieces = [np.zeros((n, size), np.int64) for size in (feet, feet, joints)]
+        ends = [np.zeros((n, size), np.int64) for size in (feet, feet, joints)]
         multiplier, target = np.zeros((n, joints)), np.zeros((n, *motors["target"].shape[1:]))
-        self._memory = (*pieces, multiplier, np.zeros(n, np.int64), target)
+        self._memory = (*ends, multiplier, np.zeros(n, np.int64), target)
         model = robot.model
         self._shapes = {"q": (n, model.nq), "v": (n, model.nv), "foot_force": (n, feet, 3)}
 

@@ -28,11 +28,11 @@ from harpy_pin.model.entry import GOOD
 from harpy_pin.model.record import ZERO, RecordOf, sized
 from harpy_pin.model.state import Vector
 from harpy_pin.model.terms import write_thrusts
-from harpy_pin.wbc.active_set_warm_start import INACCURATE, solve_further, start_tick
 from harpy_pin.wbc.active_set import ActiveSetRecord, DualRecord, ProgramRecord
-from harpy_pin.wbc.giving_way import at_a_limit, outside
+from harpy_pin.wbc.active_set_warm_start import INACCURATE, solve_further, start_tick
 from harpy_pin.wbc.contact_force import ContactForceRecord
 from harpy_pin.wbc.formulations import FORMULATIONS
+from harpy_pin.wbc.giving_way import at_a_limit, outside
 from harpy_pin.wbc.problem import FormulationRecord
 
 OPEN = 32

@@ -1,10 +1,10 @@
 """The contact forces: one equation in six unknowns, whatever the number of forces.
 
 With the accelerations eliminated, what is left of a whole-body optimum minimises
-½ (w − y)ᵀ K⁻¹ (w − y) + ½ ε ‖f‖² with y = G f and every f_k in its cone C_k. K, w and G are those of
-:mod:`~harpy_pin.wbc.condensed.condense` or :mod:`~harpy_pin.wbc.tree.elimination`. With
-λ = K⁻¹ (w − y), the first-order condition says that f_k minimises ½ ε ‖f_k‖² − λᵀ G_k f_k on C_k: it
-is the point of C_k nearest to G_kᵀ λ / ε. So the optimum is the root of
+½ (w − y)ᵀ K⁻¹ (w − y) + ½ ε ‖f‖² with y = G f and every f_k in its cone C_k; for K, w and G see
+:mod:`~harpy_pin.wbc.condensed.condense` and :mod:`~harpy_pin.wbc.tree.elimination`. With
+λ = K⁻¹ (w − y), the first-order condition says that f_k minimises ½ ε ‖f_k‖² − λᵀ G_k f_k on C_k:
+it is the point of C_k nearest to G_kᵀ λ / ε. So the optimum is the root of
 
     F(λ) = Σ_k G_k Π_k(G_kᵀ λ / ε) + K λ − w = 0,    f_k = Π_k(G_kᵀ λ / ε)
 
@@ -303,7 +303,8 @@ def _begin_line(n: NewtonRecord, multiplier: Vector, softer: float) -> None:
 @kernel
 def _slope_along(n: NewtonRecord, share: float) -> float:
     """step · F at a share of the step."""
-    slope, force = n.line[0] + share * n.line[1], np.empty((3,))
+    force = np.empty((3,))
+    slope: float = n.line[0] + share * n.line[1]
     for k in range(n.held.shape[0]):
         if n.held[k] != 0.0:
             g = n.line_force[k, 0] + share * n.line_force[k, 1]

@@ -43,7 +43,7 @@ each.
 """
 BEYOND = ByPrecision(1e-9, single=1e-5)
 """How far a quantity must be beyond its range to be a violation, relative to 1 + the limit."""
-SETTLED = ByPrecision(1e-8, single=1e-4)
+SETTLED = ByPrecision(1e-11, single=1e-4)
 """How far limits may yield, relative to 1 + the limit."""
 
 

@@ -16,8 +16,8 @@ from random_states import draw
 
 import harpy_pin as hp
 from harpy_pin.wbc import FORMULATIONS, installed_solvers
-from harpy_pin.wbc.active_set_warm_start import WarmStartedActiveSet
 from harpy_pin.wbc.active_set import EXCHANGES
+from harpy_pin.wbc.active_set_warm_start import WarmStartedActiveSet
 from harpy_pin.wbc.program import ACCEPTED
 
 STATES = 1000

@@ -19,8 +19,8 @@ from harpy_pin.wbc import (
     make_problem,
     make_solver,
 )
-from harpy_pin.wbc.active_set_warm_start import SYSTEM, WORK, DualActiveSet
 from harpy_pin.wbc.active_set import EXCHANGES
+from harpy_pin.wbc.active_set_warm_start import SYSTEM, WORK, DualActiveSet
 
 FRICTIONS = (0.05, 0.15, 0.4, 1.0)
 

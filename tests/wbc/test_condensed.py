@@ -11,10 +11,10 @@ import pinocchio as pin
 import pytest
 from forward_dynamics import constrained_dynamics, demand_of_centre
 from walks import OWN_SEARCH, own_search, states_of, walked
-from whole_body_oracle import NV, ROBOT, SUPPORTS, WEIGHTS, wild_case
+from whole_body_oracle import NV, ROBOT, WEIGHTS, wild_case
 
 import harpy_pin as hp
-from harpy_pin.wbc import WholeBodyLimits, WholeBodyTargets, make_problem, make_solver
+from harpy_pin.wbc import WholeBodyLimits, make_problem, make_solver
 from harpy_pin.wbc.condensed import CondensedSolver, CondensedStatus
 from reproduction.chattering import chattering
 

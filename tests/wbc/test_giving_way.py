@@ -11,8 +11,8 @@ from whole_body_oracle import ROBOT, WEIGHTS, wild_case
 import harpy_pin as hp
 from harpy_pin.controllers import CondensedController, WholeBodyController, WholeBodyParameters
 from harpy_pin.wbc import WholeBodyLimits, make_problem, make_solver
-from harpy_pin.wbc.condensed import CondensedSolver, CondensedStatus
 from harpy_pin.wbc.active_set import VIOLATION
+from harpy_pin.wbc.condensed import CondensedSolver, CondensedStatus
 from harpy_pin.wbc.giving_way import SPAN
 
 DAMPED = hp.Actuators(viscous_friction=4.9).damped(ROBOT)

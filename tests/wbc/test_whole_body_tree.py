@@ -28,9 +28,9 @@ from tree_cases import (
 import harpy_pin as hp
 from harpy_pin.errors import InputError
 from harpy_pin.wbc import MomentumTask
-from harpy_pin.wbc.tree import WholeBodySolver, WholeBodyStatus, whole_body
 from harpy_pin.wbc.cones import on_piece, project
-from harpy_pin.wbc.newton import root_multiplier
+from harpy_pin.wbc.optimum import root_multiplier
+from harpy_pin.wbc.tree import WholeBodySolver, WholeBodyStatus, whole_body
 from harpy_pin.wbc.tree.solve import solve_whole_body
 
 ANGLES = 2.0 * np.pi * np.arange(8) / 8

@@ -49,7 +49,7 @@ def limit_of_joint(
     """m_j and −t_j of limit k into its rows; returns n_j."""
     j, thrusts = 6 + m.joint[k], d.thruster_jacobian.shape[0]
     row, mass, free, first = d.mass_matrix[j], m.mass[k], m.free_map[k], thrusts + e.others.shape[0]
-    bias = d.bias[j] + d.damping[j] * v[j]
+    bias: float = d.bias[j] + d.damping[j] * v[j]
     mass[:], free[:] = row[:6], 0.0
     if e.others.shape[0] > 0:
         free[thrusts:first] = -row[e.others]

@@ -35,8 +35,8 @@ ROUNDS = 8
 COMPLIANCE = 1e-6
 """By which a range of an acceleration yields, as that of contacts."""
 CLIPPED = 1e-6
-"""How far a torque must be beyond its range at last not to belong to the motion, relative to 1 + the
-limit.
+"""How far a torque must be beyond its range at last not to belong to the motion, relative to
+1 + the limit.
 """
 
 
