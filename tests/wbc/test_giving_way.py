@@ -202,7 +202,7 @@ def test_controllers_agree_on_a_walk(solver, formulation, within):
     assert limited > 200
 
 
-@pytest.mark.parametrize("friction", [0.8, 0.15])
+@pytest.mark.parametrize("friction", [0.8, 0.3])
 def test_stands_with_strong_damping(friction):
     """At friction 0.8 the condensed controller in which nothing gives way falls."""
     ends = []
@@ -211,9 +211,7 @@ def test_stands_with_strong_damping(friction):
         run = walked(hp.make_gait(DAMPED), controller=part, mu_s=friction, duration=3.0)
         ends.append(run.ending)
         if share < 1.0:
-            assert hp.measure(run).slip_mm_per_step < (
-                1.0 if friction > 0.5 else 2.5
-            )  # knees come to their ends
+            assert hp.measure(run).slip_mm_per_step < 1.0
             assert (np.abs(run["torque"]) <= DAMPED.torque_limit).all()
     assert ends[0] == "completed"
     assert friction < 0.8 or ends[1] == "fell"
