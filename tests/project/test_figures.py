@@ -223,6 +223,15 @@ def test_a_twentieth_is_a_twentieth() -> None:
     assert 0.045 < float(said(ratio(LAW, PROXQP)[1:-1])) < 0.055
 
 
+@pytest.mark.parametrize("page", ["README.md", "docs/worlds.md"])
+def test_falls_of_torques_alone_are_those_of_all_models(page: str) -> None:
+    table = TABLES["worlds/worlds_falls"]
+    cells = [text.split(" of ") for (row, _), text in table.items() if row == "torque alone"]
+    fell, walks = (sum(map(int, numbers)) for numbers in zip(*cells, strict=True))
+    text = re.sub(r"[\s*]+", " ", (ROOT / page).read_text(encoding="utf-8"))
+    assert f"torques alone of the condensed WBC fall in {fell} of {walks} walks" in text
+
+
 def test_every_table_that_a_comment_names_is_there() -> None:
     """Made by ``python -m comparison results``: none is empty."""
     assert len(TABLES) > 5
