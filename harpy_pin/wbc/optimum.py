@@ -5,8 +5,9 @@ result.
 torque. It is an equation more, x a + n − J_xᵀ f = s, and its multiplier ν one unknown more. The
 search begins with the limits that are entered at one end of their ranges, s fixed there. A limit
 whose multiplier pulls beyond it is left, one that is violated again is returned to, until there is
-none of either: then multipliers and limits are those of the optimum. Contacts may fix a torque, so
-that its ν has no compliance in K. So it yields by δ (ν − ν₀); ν₀ moves to where ν is and δ falls,
+none of either: then multipliers and limits are those of the optimum. Where the limits together ask
+for too much, the search begins again without any, and they enter one by one. Contacts may fix a
+torque, so that its ν has no compliance in K. So it yields by δ (ν − ν₀); ν₀ moves to where ν is and δ falls,
 until the term is nothing: the proximal point method.
 
 **Tasks of momentum** add ½ ‖X y − h‖²_V, a function of y alone. By Woodbury's identity they change
@@ -37,9 +38,9 @@ weight.
 """
 YIELD = ByPrecision(1e-4, single=1e-2)
 """δ to begin with, relative to the compliance of forces and motion to the limit's multiplier."""
-MOVES, LEAST_YIELD = 16, 1e-12
+MOVES, LEAST_YIELD = 40, 1e-12
 """Changes of limits and proximal steps, at most, and least share of δ, which falls tenfold with
-each.
+each of these.
 """
 BEYOND = ByPrecision(1e-9, single=1e-5)
 """How far a quantity must be beyond its range to be a violation, relative to 1 + the limit."""
@@ -57,11 +58,20 @@ def find_forces(n: NewtonRecord) -> bool:
     if n.limits == 0:
         return _find_root(n, n.multiplier[:6])  # of a size known when compiling
     multiplier = n.multiplier[: 6 + n.limits]
-    found = _find_root(n, multiplier)
+    found, one_by_one = _find_root(n, multiplier), False
     for _ in range(MOVES):
-        if found and not _exchange_limits(n) and _move_limits(n):
+        if found and not _exchange_limits(n, one_by_one) and _move_limits(n):
             return True
-        found = found and descend(n, multiplier, 1.0, LAST_STEPS, False)
+        if found:
+            found = descend(n, multiplier, 1.0, LAST_STEPS, False)
+        elif one_by_one:
+            return False
+        else:
+            one_by_one = True
+            n.limit_piece[: n.limits] = 0
+            multiplier[:] = 0.0
+            n.yielding = 1.0
+            found = _find_root(n, multiplier)
     return False
 
 
@@ -80,12 +90,14 @@ def _find_root(n: NewtonRecord, multiplier: Vector) -> bool:
 
 
 @kernel
-def _exchange_limits(n: NewtonRecord) -> bool:
-    """Leave limits whose multipliers pull beyond them, and return to those that are violated;
-    whether there are any.
+def _exchange_limits(n: NewtonRecord, one: bool) -> bool:
+    """Leave limits whose multipliers pull beyond them, and return to those that are violated, all or
+    the first ``one``; whether there are any.
     """
     changed = False
     for k in range(n.limits):
+        if changed and one:
+            return True
         at, end = 6 + k, n.limit_piece[k]
         lower, upper = n.limit_range[k]
         if end == 0:
