@@ -9,7 +9,7 @@ from typing import Any, TypeVar
 from harpy_pin import checks
 from harpy_pin.errors import InputError, shown
 from harpy_pin.gaits.fitting import fitting_parameters
-from harpy_pin.gaits.gait import Gait, check_gait
+from harpy_pin.gaits.gait import Gait
 from harpy_pin.governors.thrust import AttitudeGains, CentreGains
 from harpy_pin.wbc import FORMULATIONS, SOLVERS, WholeBodyLimits, WholeBodyWeights
 
@@ -221,14 +221,13 @@ class WholeBodyParameters:
         Raises:
             InputError: it is no gait, or a setting is unknown or out of its domain.
         """
-        check_gait(gait)
-        rule = fitting_parameters(gait.robot)
+        rule = fitting_parameters(checks.instance("gait", gait, Gait).robot)
         records = {
             "weights": WholeBodyWeights(**rule["weights"]),
             "limits": WholeBodyLimits(**rule["limits"]),
         }
         fitting = cls(**{**rule, **records})
-        return changed(changed(fitting, getattr(gait, "controller_parameters", {})), changes)
+        return changed(changed(fitting, gait.controller_parameters), changes)
 
     def __post_init__(self) -> None:
         checks.number("period", self.period, low=0.0, strict=True)

@@ -24,7 +24,7 @@ from harpy_pin import checks
 from harpy_pin.arguments import checked
 from harpy_pin.gaits.commanded import CommandedGait
 from harpy_pin.gaits.fitting import GRAVITY
-from harpy_pin.gaits.gait import FullGait, Gait, GaitTarget, calls_of, own_target
+from harpy_pin.gaits.gait import Gait, GaitTarget, own_target
 from harpy_pin.gaits.straight import StraightGait
 from harpy_pin.gaits.terrain_targets import OnTerrainRecord, fit_plane, lay_over
 from harpy_pin.gaits.walking.swinging import walk_over
@@ -32,7 +32,6 @@ from harpy_pin.gaits.walking.walking_gait import WalkingGait
 from harpy_pin.ground.terrain import Plane, Terrain
 from harpy_pin.kernels.calls import Call
 from harpy_pin.model.entry import as_state
-from harpy_pin.model.memory import KeepsViews
 from harpy_pin.model.record import make_record
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import State, Vector
@@ -63,7 +62,7 @@ which share of its height, and how near that is, m: legs of humanoids are nearly
 """
 
 
-class OnTerrain(KeepsViews):
+class OnTerrain(Gait):
     """A gait of flat ground whose feet stay on the ground, and whose body stays as high above it.
 
     Heights are all that changes: of a foot by that of the ground below it, of the body by that of
@@ -79,9 +78,9 @@ class OnTerrain(KeepsViews):
 
     Attributes:
         gait: of flat ground.
-        target: of the last update.
-        controller_parameters: those of that gait.
     """
+
+    terrain: Terrain
 
     @checked
     def __init__(
@@ -92,8 +91,9 @@ class OnTerrain(KeepsViews):
         normal_error: float = 0.0,
         friction: float | None = None,
     ) -> None:
-        self.gait: FullGait = own_target(gait)
-        self.robot, self.terrain = gait.robot, terrain
+        super().__init__(gait.robot)
+        self.gait, self.terrain, self.walks = own_target(gait), terrain, gait.walks
+        self.controller_parameters = gait.controller_parameters
         self.step_duration, self.double_support = self.gait.step_duration, self.gait.double_support
         q = self.gait.initial_state(penetration=0.0)[0]
         feet = self._feet(q)[0]
@@ -120,9 +120,6 @@ class OnTerrain(KeepsViews):
             ahead, aside = self.gait.swing_curve[-1, :2]
             self._record["swing_time"] = self.step_duration * (1.0 - self.double_support)
             self._record["landing"][0] = (ahead, aside), (ahead, -aside)
-        self.target = GaitTarget(len(self.robot.feet))
-        self._observe = getattr(self.gait, "observe", None)
-        self.controller_parameters: Mapping[str, Any] = getattr(gait, "controller_parameters", {})
         lay_over.prepare(0.0, self._record, self.gait.target._record_, self.target._record_)
 
     def __repr__(self) -> str:
@@ -146,9 +143,8 @@ class OnTerrain(KeepsViews):
             self.gait._record_["terrain"] = terrain.record
 
     def observe(self, state: State) -> None:
-        """See :class:`~harpy_pin.gaits.gait.Gait`; the state goes to the gait, if it takes one."""
-        if self._observe is not None:
-            self._observe(state)
+        """See :meth:`~harpy_pin.gaits.gait.Gait.observe`; the state goes to the gait."""
+        self.gait.observe(state)
 
     def update(self, t: float) -> GaitTarget:
         """See :meth:`~harpy_pin.gaits.gait.Gait.update`."""
@@ -156,8 +152,8 @@ class OnTerrain(KeepsViews):
         return self.target
 
     def calls(self, state: State) -> tuple[Call, ...] | None:
-        """See :class:`~harpy_pin.gaits.gait.Gait`."""
-        calls = calls_of(self.gait, state)
+        """See :meth:`~harpy_pin.gaits.gait.Gait.calls`."""
+        calls = self.gait.calls(state)
         if type(self) is not OnTerrain or calls is None:
             return None
         return *calls, Call(
@@ -235,8 +231,7 @@ class OnTerrain(KeepsViews):
 
     def telemetry(self) -> Mapping[str, ArrayLike]:
         """The gait's signals."""
-        signals: Mapping[str, ArrayLike] = getattr(self.gait, "telemetry", dict)()
-        return signals
+        return self.gait.telemetry()
 
 
 class OnFeltGround(OnTerrain):
@@ -276,7 +271,7 @@ class OnFeltGround(OnTerrain):
         self._write()
 
     def observe(self, state: State) -> None:
-        """See :class:`~harpy_pin.gaits.gait.Gait`; takes up where feet touch the ground.
+        """See :meth:`~harpy_pin.gaits.gait.Gait.observe`; takes up where feet touch the ground.
 
         Raises:
             InputError: it is no state of the robot.
