@@ -331,7 +331,7 @@ BASES = (
         "scenario.PlantPart",
         "simulation.Plant",
     ),
-    *("wbc.WholeBodyProblem", "wbc.QPSolver"),
+    *("Gait", "wbc.WholeBodyProblem", "wbc.QPSolver"),
 )
 """Classes that others are derived from; those are attacked."""
 NOT_CALLED = {
