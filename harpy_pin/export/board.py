@@ -131,13 +131,12 @@ def measure(
     chip: Chip,
     *,
     flags: Sequence[str] = ("-O2",),
-    sources: Sequence[Path | str] = ("count.c",),
 ) -> Measured:
     """Count a controller, whose files have this name, with its recorded ticks in an exported
     folder, on a chip.
 
-    The flags are the compiler's, the sources those of the program that counts. A
-    :class:`HarpyError` says that it does not compile, or that the program failed.
+    The flags are the compiler's. A :class:`HarpyError` says that it does not compile, or that the
+    program failed.
     """
     folder = folder.resolve()  # sources are named from it
     with work_folder() as work:
@@ -150,7 +149,7 @@ def measure(
             )  # others may count on the same chip meanwhile
             _object(folder, "vectors.c", chip, made, ["-O1"]).replace(vectors)
         program = build(
-            folder, [controller, vectors, *sources], chip, place / "count.elf", flags=flags
+            folder, [controller, vectors, "count.c"], chip, place / "count.elf", flags=flags
         )
         text, code = run(program, chip)
         if code:
