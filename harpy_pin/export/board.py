@@ -125,13 +125,7 @@ def run(program: Path, chip: Chip) -> tuple[str, int]:
     return run_program([*machine, *target], timeout=MOST)
 
 
-def measure(
-    folder: Path,
-    name: str,
-    chip: Chip,
-    *,
-    flags: Sequence[str] = ("-O2",),
-) -> Measured:
+def measure(folder: Path, name: str, chip: Chip, *, flags: Sequence[str] = ("-O2",)) -> Measured:
     """Count a controller, whose files have this name, with its recorded ticks in an exported
     folder, on a chip.
 
