@@ -12,9 +12,9 @@ from pathlib import Path
 from typing import Any
 
 import harpy_pin as hp
+from harpy_pin.contrib.solvers import SOLVERS
 from harpy_pin.scenario import CONTROLLER_PARTS, ControllerPart, Governed
 from harpy_pin.scenario.parts import read_part
-from harpy_pin.wbc import SOLVERS
 
 Point = Mapping[str, Any]
 """A value for each setting of a space: the factor of a :class:`Range`, the value of a

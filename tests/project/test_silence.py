@@ -18,11 +18,11 @@ from walks import started
 import harpy_pin as hp
 from harpy_pin.contrib.batch import CondensedBatch
 from harpy_pin.contrib.shield import Shield
+from harpy_pin.contrib.solvers import SOLVERS
 from harpy_pin.controllers.governed import FrictionEstimator
 from harpy_pin.kernels import compiler, kernel, library_files
 from harpy_pin.model.catalogue import installed_data
 from harpy_pin.model.entry import MAX_SAMPLE
-from harpy_pin.wbc import installed_solvers
 
 needs_fork = pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork")
 
@@ -278,7 +278,7 @@ class Zero:
 
 @pytest.mark.parametrize("formulation", ["input_space", "full", "contact_force"])
 def test_range_on_a_row_of_zeros_is_hard(robot, state, formulation):
-    for solver in installed_solvers():
+    for solver in SOLVERS:
         parameters = {"solver": solver, "formulation": formulation}
         controller = hp.make_controller("wbc", hp.make_gait(robot), mu=0.3, **parameters)
         task = Zero()

@@ -15,6 +15,7 @@ from needs import needs_robots
 from random_states import draw
 
 import harpy_pin as hp
+import harpy_pin.contrib.solvers
 from harpy_pin.wbc import FORMULATIONS, installed_solvers
 from harpy_pin.wbc.active_set_warm_start import WarmStartedActiveSet
 from harpy_pin.wbc.condensed.active_set import EXCHANGES
