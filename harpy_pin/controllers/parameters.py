@@ -157,8 +157,7 @@ class WholeBodyParameters:
         hold_ticks: ticks in a row for which the last good command is held after failed solves, at
             most 1000.
         formulation: one of :data:`harpy_pin.wbc.FORMULATIONS`. ``full`` and ``input_space`` have
-            the same solutions; ``contact_force`` has no posture task, and other solutions where a
-            motor is at its limit.
+            the same solutions.
         solver: one of :data:`harpy_pin.wbc.SOLVERS`, which solves every tick. ``active_set`` is
             this library's own search, with which a tick is one bounded compiled call.
         estimate_friction: take a friction coefficient that is estimated while walking

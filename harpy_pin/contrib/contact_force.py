@@ -1,4 +1,5 @@
-"""The whole-body problem in contact forces alone: z = f, three numbers for each foot.
+"""The whole-body problem in contact forces alone: z = f, three numbers for each foot. Parameters
+have it as ``contact_force`` once this module is imported.
 
 With limbs eliminated (:mod:`harpy_pin.wbc.condensed.condense`) thrusts, torques and accelerations
 are functions of the contact forces, the best ones for given forces. The cost is that of the root's
@@ -46,6 +47,7 @@ from harpy_pin.wbc.condensed.force_program import (
     root_acceleration,
 )
 from harpy_pin.wbc.condensed.limits import input_map
+from harpy_pin.wbc.formulations import FORMULATIONS
 from harpy_pin.wbc.problem import (
     FormulationKernels,
     FormulationRecord,
@@ -228,3 +230,4 @@ def _acceleration(m: ContactForceRecord, z: Vector, out: Vector) -> None:
 ContactForceProblem.kernels = FormulationKernels(
     _build, _inputs, _force, _acceleration, _limit, _give_way
 )
+FORMULATIONS[ContactForceProblem.name] = ContactForceProblem
