@@ -26,6 +26,7 @@ from typing import ClassVar
 import numpy as np
 
 from harpy_pin import checks
+from harpy_pin.controllers.whole_body_tick import QP_TICKS, tick_of
 from harpy_pin.errors import InputError
 from harpy_pin.kernels import kernel
 from harpy_pin.model.dynamics import DynamicsRecord
@@ -231,3 +232,4 @@ ContactForceProblem.kernels = FormulationKernels(
     _build, _inputs, _force, _acceleration, _limit, _give_way
 )
 FORMULATIONS[ContactForceProblem.name] = ContactForceProblem
+QP_TICKS[ContactForceProblem.name] = tick_of(ContactForceProblem.name)

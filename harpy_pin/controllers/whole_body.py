@@ -28,10 +28,10 @@ from harpy_pin.controllers.thrust_lag import (
 )
 from harpy_pin.controllers.tick import BAD_SAMPLE
 from harpy_pin.controllers.whole_body_tick import (
+    QP_TICKS,
     WholeBodyTargetsRecord,
     WholeBodyTickRecord,
     begin_tick,
-    tick_of,
 )
 from harpy_pin.errors import InputError, shown
 from harpy_pin.gaits.gait import Gait
@@ -180,7 +180,7 @@ class WholeBodyController(TaskController):
         """
         super()._make_anew()
         self._opening: Chain | None = None  # gait, terms and program in one crossing from Python
-        self._kernels_of_tick = ticks = tick_of(self.parameters.formulation)
+        self._kernels_of_tick = ticks = QP_TICKS[self.parameters.formulation]
         solver, problem = getattr(self, "_solver", None), self.problem
         self._parts = self._parts_of_program = (
             problem._record_,

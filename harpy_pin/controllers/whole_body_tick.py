@@ -9,7 +9,6 @@ after tasks gave way (:mod:`harpy_pin.wbc.condensed.limits`).
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cache
 
 import numpy as np
 
@@ -161,7 +160,6 @@ class TickKernels:
     step_of_one_with_targets: Kernel[int]  # :attr:`step_of_one`, and these
 
 
-@cache
 def tick_of(formulation: str) -> TickKernels:
     """The tick in a formulation."""
     kernels = FORMULATIONS[formulation].kernels
@@ -322,3 +320,7 @@ def tick_of(formulation: str) -> TickKernels:
     return TickKernels(
         qp_step, qp_step_of_one, *phases, step_with_targets, step_of_one_with_targets
     )
+
+
+QP_TICKS: dict[str, TickKernels] = {name: tick_of(name) for name in FORMULATIONS}
+"""The tick by formulation."""

@@ -26,7 +26,7 @@ from harpy_pin.controllers.joint_targets import WITH_TARGETS, CondensedMotorsRec
 from harpy_pin.controllers.parameters import WholeBodyParameters
 from harpy_pin.controllers.tick import BAD_SAMPLE, FALLBACK, VIOLATED
 from harpy_pin.controllers.whole_body import WholeBodyController
-from harpy_pin.controllers.whole_body_tick import ProgramTickRecord, tick_of
+from harpy_pin.controllers.whole_body_tick import QP_TICKS, ProgramTickRecord
 from harpy_pin.errors import InputError
 from harpy_pin.estimation.estimator import Estimator
 from harpy_pin.estimation.record import EstimatorRecord
@@ -251,7 +251,7 @@ def _program(controller: WholeBodyController) -> Exportable:
         dual=search.dual._record_,
     )
     title = f"whole-body QP, own search, formulation '{p.formulation}'"
-    ticks = tick_of(p.formulation)
+    ticks = QP_TICKS[p.formulation]
     step = ticks.step_of_one if controller._command.law is None else ticks.step_of_one_with_targets
     return _exportable("wbc", title, controller, record, step, PROGRAM_STATUSES)
 

@@ -186,7 +186,7 @@ class Run:
         """Write an MCAP that Foxglove opens: frames, forces in their friction cones, URDF, joints
         and sensors.
 
-        :func:`~harpy_pin.log.bag.read_log` reads it back. Cones are drawn on level ground.
+        :func:`~harpy_pin.contrib.bag.read_log` reads it back. Cones are drawn on level ground.
 
         Args:
             path: of the file; one of that name is replaced.

@@ -7,7 +7,7 @@ import pytest
 from needs import needs_robots
 
 import harpy_pin as hp
-from harpy_pin.log.bag import estimate_log, read_log
+from harpy_pin.contrib.bag import estimate_log, read_log
 from harpy_pin.log.run import Run
 
 pytestmark = needs_robots
