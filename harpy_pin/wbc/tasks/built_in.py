@@ -2,20 +2,22 @@
 
 | weight | task | when |
 |---|---|---|
-| ``body`` | ``FrameTask`` of the base, position; horizontally ``CentreOfMassTask`` where the targets say so | always |
+| ``body`` | ``FrameTask`` of the base, position; or horizontally ``CentreOfMassTask`` | always |
 | ``orientation`` | ``FrameTask`` of the base, orientation, local axes | always |
 | ``swing`` | ``FrameTask`` of a foot, position | the foot is in swing |
 | ``posture``, ``arms`` | ``JointTask`` of a joint that moves one foot, or of another one | always |
 | ``force`` | ``FootForceTask`` of a foot, towards zero | the foot is in stance |
 
-A foot in stance has the ``FrameTask`` of its position as a constraint: its error is zero. The weight ``thrust`` is on
-the inputs themselves, which are no part of x = [a; f].
+The targets say which of the two ``body`` is. A foot in stance has the ``FrameTask`` of its position
+as a constraint: its error is zero. The weight ``thrust`` is on the inputs themselves, which are no
+part of x = [a; f].
 
-References are accelerations only: they are the arrays of :class:`~harpy_pin.wbc.weights.WholeBodyTargets`, which a
-controller computes from its gait and gains in every tick (:mod:`harpy_pin.controllers.tasks`). Rows and costs of these
-tasks are compiled (:mod:`harpy_pin.wbc.full`, :mod:`harpy_pin.wbc.input_space`, :mod:`harpy_pin.wbc.condensed`);
+References are accelerations only: they are the arrays of
+:class:`~harpy_pin.wbc.weights.WholeBodyTargets`, which a controller computes from its gait and
+gains in every tick (:mod:`harpy_pin.controllers.tasks`). Rows and costs of these tasks are compiled
+(:mod:`harpy_pin.wbc.full`, :mod:`harpy_pin.wbc.input_space`, :mod:`harpy_pin.wbc.condensed`);
 ``tests/wbc/test_built_in_tasks.py`` compares those costs with the tasks of this table.
-"""  # noqa: E501
+"""
 
 from __future__ import annotations
 
