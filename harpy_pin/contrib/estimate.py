@@ -51,7 +51,9 @@ def estimate(
     if save is not None:
         run.save(save)
     if mcap is not None:
-        run.to_mcap(mcap, known)
+        from harpy_pin.contrib.foxglove import write_mcap
+
+        write_mcap(run, mcap, known)
     if figures is not None:
         from harpy_pin.cli.view import draw_figures
 
