@@ -34,7 +34,6 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from harpy_pin import checks
 from harpy_pin.arguments import checked
 from harpy_pin.errors import InputError
 from harpy_pin.kernels import Kernel, kernel
@@ -126,7 +125,6 @@ class WholeBodyProblem(KeepsViews):
         weights: WholeBodyWeights | None = None,
         limits: WholeBodyLimits | None = None,
     ) -> None:
-        checks.instance("robot", robot, Robot)
         self.robot = robot
         self.weights = weights if weights is not None else WholeBodyWeights.for_robot(robot)
         self.limits = limits if limits is not None else WholeBodyLimits()
