@@ -23,8 +23,7 @@ from harpy_pin.controllers.tasks import TaskSettingsRecord, TasksRecord
 from harpy_pin.gaits.gait import Gait
 from harpy_pin.model.dynamics import Dynamics, dynamics_record
 from harpy_pin.model.record import Records, field, make_record
-from harpy_pin.wbc.tasks.built_in import joint_weights
-from harpy_pin.wbc.weights import WholeBodyTargets, targets_record
+from harpy_pin.wbc.weights import WholeBodyTargets, joint_weights, targets_record
 
 FEWEST_TICKS, FEWEST_ON_TWO = 8, 20
 """Ticks of a step, on more than two feet and on two, from which on eleven robots of twelve stood in
