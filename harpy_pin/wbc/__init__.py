@@ -3,7 +3,7 @@
 from harpy_pin.wbc.formulations import FORMULATIONS, make_problem
 from harpy_pin.wbc.problem import WholeBodyProblem
 from harpy_pin.wbc.program import QPSolution, QPSolver, QPStatus, QuadraticProgram
-from harpy_pin.wbc.solvers import SOLVERS, installed_solvers, make_solver
+from harpy_pin.wbc.solvers import SOLVERS, make_solver
 from harpy_pin.wbc.tasks.added import AddedTask, AddedTasks
 from harpy_pin.wbc.tasks.task import (
     CentreOfMassTask,
@@ -38,7 +38,6 @@ __all__ = [
     "WholeBodyStatus",
     "WholeBodyTargets",
     "WholeBodyWeights",
-    "installed_solvers",
     "make_problem",
     "make_solver",
 ]

@@ -281,16 +281,3 @@ def make_solver(name: str, program: QuadraticProgram) -> QPSolver:
         raise InputError(
             f"no {name} ({error}): {install_line('compare')}", name="solver", value=name
         ) from error
-
-
-def installed_solvers() -> tuple[str, ...]:
-    """Names of the solvers that can be used here."""
-
-    def importable(kind: type[QPSolver]) -> bool:
-        try:
-            import_module(getattr(kind, "package", "harpy_pin"))
-        except ImportError:
-            return False
-        return True
-
-    return tuple(name for name, kind in SOLVERS.items() if importable(kind))
