@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
-from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from numpy.typing import ArrayLike
@@ -141,7 +140,7 @@ class Gait(KeepsViews, ABC):
     walks: bool = True
     terrain: Terrain | None = None
     not_governed: str = ""
-    controller_parameters: Mapping[str, Any] = MappingProxyType({})
+    controller_parameters: Mapping[str, Any] = {}
     constant: ClassVar[bool] = False
 
     def __init_subclass__(cls, *, constant: bool = False) -> None:

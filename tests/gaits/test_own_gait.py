@@ -2,6 +2,8 @@
 is refused.
 """
 
+import copy
+import pickle
 from dataclasses import replace
 
 import numpy as np
@@ -10,6 +12,7 @@ from walks import assert_same
 
 import harpy_pin as hp
 from harpy_pin.gaits import GaitTarget
+from harpy_pin.gaits.gait import own_target
 
 ROBOT = hp.load_harpy()
 EXACT = {
@@ -91,6 +94,24 @@ def test_two_methods_are_enough(controller):
     assert run.ending == "completed"
     assert run.metadata["parameters"]["gait"] == {"gait": "Bare", "step_duration": 1.0}
     assert run.metadata["own"] == ["gait"]
+
+
+def test_a_copy_has_targets_of_its_own():
+    gait = hp.OnTerrain(Bare(hp.make_gait(ROBOT)), hp.ground.Plane(slope=0.1))
+    for other in (copy.copy(gait), pickle.loads(pickle.dumps(gait))):
+        expected = gait.update(0.3).body.copy()
+        np.testing.assert_array_equal(other.update(0.3).body, expected)
+        other.update(1.0)
+        np.testing.assert_array_equal(gait.target.body, expected)
+
+
+def test_only_a_class_that_says_so_never_changes():
+    class Steered(hp.gaits.StraightGait):
+        pass
+
+    steered, straight = Steered(ROBOT), hp.make_gait(ROBOT)
+    assert own_target(steered) is steered
+    assert own_target(straight).target is not straight.target
 
 
 @pytest.mark.parametrize("controller", ["governed", "wbc", "condensed"])
