@@ -10,8 +10,8 @@ add.
 | ``force`` | ``FootForceTask`` of a foot, towards zero | the foot is in stance |
 
 Where the targets say so, the horizontal part of ``body`` is ``CentreOfMassTask``. A foot in stance
-has the ``FrameTask`` of its position as a constraint: its error is zero. The weight ``thrust`` is on
-the inputs themselves, which are no part of x = [a; f].
+has the ``FrameTask`` of its position as a constraint: its error is zero. The weight ``thrust`` is
+on the inputs themselves, which are no part of x = [a; f].
 """
 
 from __future__ import annotations
