@@ -97,7 +97,7 @@ def compare(
 
     Returns:
         The document: only dicts, lists, strings, finite numbers and null. Its tables are made in
-        :mod:`comparison.report.html`.
+        :mod:`comparison.report.report`.
     """
     document: dict[str, Any] = {"machine": describe_machine()}
     robot, timing, least = load_harpy(), settings.timing, settings.timing.warm_up + 50

@@ -33,7 +33,8 @@ _APART = re.compile(r"(<(?P<tag>a|code|pre|math|script|style)\b.*?</(?P=tag)>|<[
 itself.
 """
 _SYMBOL = re.compile(
-    r"(?<![\w/.])((?:[^\W\d_][\u0300-\u036f]?){1,2}|‖²)_([A-Za-z0-9]{1,5}(?:,[a-z](?![a-z]))?|⊥)(?![A-Za-z0-9_])"
+    r"(?<![\w/.])((?:[^\W\d_][\u0300-\u036f]?){1,2}|‖²)"
+    r"_([A-Za-z0-9]{1,5}(?:,[a-z](?![a-z]))?|⊥)(?![A-Za-z0-9_])"
 )
 
 

@@ -1,4 +1,4 @@
-"""A gait of one's own under every controller: it needs ``robot``, ``update``, ``initial_state``."""
+"""A gait of one's own under every controller: it needs ``update`` and ``initial_state``."""
 
 import numpy as np
 
@@ -10,11 +10,11 @@ FEET = np.array([(0.0, 0.125, 0.0), (0.0, -0.125, 0.0)])
 RATE = 2.0 * np.pi / 1.5  # rad/s: one squat in 1.5 s
 
 
-class Squats:
+class Squats(hp.Gait):
     """The body goes down and up; both feet stay where they are."""
 
     def __init__(self, robot: hp.Robot) -> None:
-        self.robot, self.target = robot, hp.GaitTarget(feet=2)
+        super().__init__(robot)
         self.target.stance[:] = 1.0  # both on the ground, always
         self.target.phase[:] = 0.5
 

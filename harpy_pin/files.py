@@ -17,7 +17,6 @@ import tempfile
 import threading
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
-from multiprocessing import resource_tracker
 from pathlib import Path
 from typing import IO, Any, ClassVar, NoReturn
 
@@ -376,30 +375,3 @@ class Shield:
             signal.signal(number, handler)
         if self.late is not None and not (kind is not None and issubclass(kind, KeyboardInterrupt)):
             signal.raise_signal(self.late)
-
-
-@contextmanager
-def without_interrupts() -> Iterator[None]:
-    """Processes and threads that are started within take no Ctrl-C, which a terminal sends to all
-    processes.
-
-    One that comes meanwhile waits until the end of the block. Does nothing outside the main thread.
-    """
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    resource_tracker.ensure_running()  # starting it would let them through
-    before, noted = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT}), list[int]()
-    handler = signal.getsignal(signal.SIGINT)
-    if callable(
-        handler
-    ):  # another thread, which does not block it, would have it handled in this one
-        signal.signal(signal.SIGINT, lambda number, frame: noted.append(number))
-    try:
-        yield
-    finally:
-        if callable(handler):
-            signal.signal(signal.SIGINT, handler)
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
-        if noted:
-            signal.raise_signal(signal.SIGINT)

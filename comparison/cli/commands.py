@@ -36,7 +36,7 @@ from comparison.peers.compare import (
 from comparison.peers.environment import PEERS, WORLDS, default_folder
 from comparison.peers.environment import install as install_peer
 from comparison.report.answer import answer_of, passed
-from comparison.report.html import figures_of, picture_of, tables_of, write_report
+from comparison.report.report import figures_of, picture_of, tables_of, write_report
 from comparison.tuning.tune import TuneSettings, tuning_tables
 from comparison.tuning.tune import tune as search_settings
 from harpy_pin import checks
@@ -50,9 +50,7 @@ def whole(
     out: Annotated[
         str,
         typer.Option(
-            "--out",
-            metavar="DIR",
-            help="Folder for report.html, results.json and .csv, campaign.jsonl.",
+            "--out", metavar="DIR", help="Folder for results.json and .csv, campaign.jsonl."
         ),
     ] = "out/comparison",
     force: Force = False,
@@ -79,8 +77,8 @@ def whole(
     and timed: the complete tick, its phases, isolated governor updates and isolated solves. Every
     timed command is checked against an untimed one. Then every controller walks a campaign of
     randomly drawn scenarios. The command prints its answer: which controllers keep the feet from
-    slipping, and what a tick costs. One HTML page has all tables and figures, what was checked, and
-    the limitations; JSON and CSV files have every number.
+    slipping, and what a tick costs. A CSV file has the numbers of all tables, a JSON file also what
+    was checked, and the limitations.
 
     The full run takes some minutes. Do not use the machine for other work meanwhile: other
     processes change the medians little, but the tails a lot. Walks of the campaign that an earlier
@@ -104,7 +102,7 @@ def whole(
             with replacing(figures / f"{name}.png") as file:
                 file.write(picture_of(figure))
     typer.echo(
-        answer_of(document).to_string(folder.path / "report.html")
+        answer_of(document).to_string(folder.path / "results.csv")
         + (f"\n{NO_EVIDENCE}" if quick else "")
     )
     if not passed(document):

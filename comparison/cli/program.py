@@ -22,7 +22,7 @@ app = typer.Typer(
     rich_markup_mode=None,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-_NEEDED = ("pandas", "jinja2", "mujoco", "daqp", "piqp", "osqp", "clarabel", "quadprog")
+_NEEDED = ("pandas", "mujoco", "daqp", "piqp", "osqp", "clarabel", "quadprog")
 _MISSING = " and ".join(repr(name) for name in _NEEDED if find_spec(name) is None)
 _HINT = f"the comparison needs {_MISSING}: {install_line('compare')}" if _MISSING else ""
 

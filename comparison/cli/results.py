@@ -17,9 +17,9 @@ from comparison.campaign.walks import exceptions_table
 from comparison.cli.studies import STUDIES
 from comparison.peers.compare import peer_tables
 from comparison.report.claims import paper_tables
-from comparison.report.html import tables_of
 from comparison.report.pages import filled
 from comparison.report.record import FOLDER, ROOT, Record
+from comparison.report.report import tables_of
 from comparison.tables import Table
 from harpy_pin import checks
 from harpy_pin.errors import HarpyError, RunFileError

@@ -27,7 +27,7 @@ import harpy_pin as hp
 from comparison.measure.walking import StateSequence
 from comparison.peers.model_file import BASE, links_of, sole_corners, write_model
 from harpy_pin.model.state import State, Vector
-from harpy_pin.wbc.tasks.built_in import joint_weights
+from harpy_pin.wbc.weights import joint_weights
 
 FACES = 4
 """Of the friction pyramid: what the peers have."""

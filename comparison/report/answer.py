@@ -1,6 +1,4 @@
-"""The answer: what this run found, in a few sentences and one small table, for both the terminal
-and the page.
-"""
+"""The answer: what this run found, in a few sentences and one small table."""
 
 from __future__ import annotations
 

@@ -20,7 +20,8 @@ from comparison.measure.replay import WBC_PHASES, ProxQPReplay, TickReplay, Whol
 from comparison.measure.timing import Bench, Laps, summarise, summarise_repetitions
 from comparison.measure.walking import StateSequence, recorded_walk, scenario_of
 from comparison.tables import Cell, Table, in_columns, percentiles
-from harpy_pin.wbc import FORMULATIONS, SOLVERS, QPStatus
+from harpy_pin.contrib.solvers import SOLVERS
+from harpy_pin.wbc import FORMULATIONS, QPStatus
 from harpy_pin.wbc.solvers import ProxQPSolver
 
 COLD = 200

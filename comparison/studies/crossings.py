@@ -18,6 +18,7 @@ import numpy as np
 
 import harpy_pin as hp
 from comparison.study import Job, Study, View, as_far_as_it_goes, grid, kept, median, share, where
+from harpy_pin.contrib.felt_ground import OnFeltGround
 from harpy_pin.ground.ground import walking_stiffness
 from harpy_pin.model.source import loaded_robot
 
@@ -118,9 +119,7 @@ def _run(one: Crossing, plant: str, seed: int) -> hp.Run:
     if harpy:
         gait = hp.OnTerrain(hp.make_gait(robot), hp.ground.Plane(slope=0.0))
     else:
-        gait = hp.gaits.OnFeltGround(
-            hp.WalkingGait(robot, velocity=velocity, clearance=BLIND_CLEARANCE)
-        )
+        gait = OnFeltGround(hp.WalkingGait(robot, velocity=velocity, clearance=BLIND_CLEARANCE))
     made = hp.build(hp.Scenario(**settings), gait=gait)
     known = hp.OnTerrain(hp.make_gait(robot) if harpy else hp.WalkingGait(robot), terrain)
     made.simulator.reset(*known.initial_state(penetration=made.simulator.static_penetration))

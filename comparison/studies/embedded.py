@@ -2,16 +2,14 @@
 
 Instructions, flash, memory and stack on a Cortex-M4F, M7 and M33 in QEMU, for Harpy, Solo12 and
 Bolt: the paper's governor, the contact-force filter, the condensed controller, and the whole-body
-QP by own search and, from nothing, by DAQP's own C. Each is exported as C and counted on the states
-of its own walk, and once more on those of the condensed controller's, which are the same for all;
-the pushes are the same in every walk. Needs gcc-arm-none-eabi, libnewlib-arm-none-eabi and
-qemu-system-arm; DAQP's source is fetched from its package, or it has no rows.
+QP by own search. Each is exported as C and counted on the states of its own walk, and once more on
+those of the condensed controller's, which are the same for all; the pushes are the same in every
+walk. Needs gcc-arm-none-eabi, libnewlib-arm-none-eabi and qemu-system-arm.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from tempfile import TemporaryDirectory, mkdtemp
@@ -19,30 +17,20 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from comparison.measure.daqp_c import daqp_count, daqp_source
-from comparison.peers.environment import default_folder
 from comparison.study import Job, Study, View, grid, shown
 from harpy_pin import HarpyError, Push, Robot
-from harpy_pin.controllers.tasks import task_terms
-from harpy_pin.controllers.whole_body_tick import ProgramTickRecord
 from harpy_pin.export.board import CHIPS, measure, missing_tools
 from harpy_pin.export.code import controller_code
 from harpy_pin.export.exported_controllers import Exportable, exportable
 from harpy_pin.export.folder import write_folder
 from harpy_pin.export.recording import CONTROLLERS, Recording, answers, ready, record
-from harpy_pin.gaits.gait import GaitTargetRecord
-from harpy_pin.kernels import kernel
-from harpy_pin.model.entry import GOOD
 from harpy_pin.model.source import loaded_robot
-from harpy_pin.model.state import Vector
-from harpy_pin.wbc.input_space import build_inputs
 
 LABELS = {
     "paper": "paper's governor",
     "filter": "contact-force filter",
     "condensed": "condensed WBC",
     "wbc": "QP, own search",
-    "daqp": "QP, DAQP's C",
 }
 FRICTION = {"harpy": 0.25}
 OTHERS_FRICTION = 0.5
@@ -52,31 +40,14 @@ WALK = 10.0
 """Length of a motion whose states tell single from double precision, s."""
 
 
-@kernel
-def _build(
-    r: ProgramTickRecord, target: GaitTargetRecord, q: Vector, v: Vector, foot_force: Vector
-) -> int:
-    """All of the whole-body QP's tick but its solution."""
-    d = r.control.dynamics
-    if task_terms(r.control, target, q, v, foot_force) != GOOD:
-        return 1
-    build_inputs(d, r.control.targets, r.problem, r.terms, r.program, v, d.tree.rotation)
-    return 0
-
-
 class Case(NamedTuple):
     """What is exported once, for every chip and every level of optimisation."""
 
     robot: str  # its name
-    controller: str  # by its name for export, or daqp
+    controller: str  # by its name for export
     precision: str  # float or double
     duration: float  # of the recorded motion, s
     seed: int  # of its pushes
-
-    @property
-    def kind(self) -> str:
-        """The controller whose program is solved."""
-        return "wbc" if self.controller == "daqp" else self.controller
 
     def write(self, what: Exportable, walk: str, name: str) -> tuple[Path, int]:
         """A new folder with its C for the walk of a controller, and the memory that it takes, B."""
@@ -99,16 +70,12 @@ def _jobs(s: Any) -> Iterator[Job]:
     missing = missing_tools()
     if missing is not None:
         raise HarpyError(f"the compiler for ARM, or QEMU, is missing: {missing}")
-    daqp = daqp_source(default_folder())
     doubles = [chip for chip in s.chips if CHIPS[chip].double]
     for robot in s.robots:
         for kind in CONTROLLERS if robot == "harpy" else ("condensed", "wbc"):
-            solvers = (
-                (kind, "daqp") if kind == "wbc" and doubles and daqp else (kind,)
-            )  # in floats it does not end
             cases = [*grid(controller=kind, precision="float", chip=s.chips, level=s.levels)]
             cases.append({"controller": kind, "precision": "float", "chip": None})
-            cases += grid(controller=solvers, precision="double", chip=doubles, level=s.levels)
+            cases += grid(controller=kind, precision="double", chip=doubles, level=s.levels)
             same = {"robot": robot, "duration": s.duration, "seed": s.seed, "states": s.states}
             yield from (same | one for one in cases)
 
@@ -120,15 +87,8 @@ def _measured(job: Job) -> dict[str, Any]:
     case = Case(*(job[name] for name in Case._fields))
     if job["chip"] is None:
         return _difference(case, job["states"])
-    flags, sources, ours = [job["level"]], ["count.c"], case.controller != "daqp"
-    if not ours:
-        daqp = daqp_source(default_folder())
-        if daqp is None:
-            raise HarpyError("DAQP's source is gone from the user's cache")
-        flags += ["-I", str(daqp / "include")]
-        sources += [str(path) for path in sorted((daqp / "src").glob("*.c"))]
     folders, ram = _exported(case)
-    every = [measure(f, f.name, CHIPS[job["chip"]], flags=flags, sources=sources) for f in folders]
+    every = [measure(f, f.name, CHIPS[job["chip"]], flags=[job["level"]]) for f in folders]
     own, same = every[0], every[-1]
     return {
         "ticks": len(own.instructions),
@@ -137,10 +97,10 @@ def _measured(job: Job) -> dict[str, Any]:
         "same_ticks": len(same.instructions),
         "same_median": float(np.median(same.instructions)),
         "same_worst": int(same.instructions.max()),
-        "flash": own.flash if ours else None,
-        "ram": ram if ours else None,
+        "flash": own.flash,
+        "ram": ram,
         "stack": max(found.stack for found in every),
-        "equal": not any(found.different for found in every) if ours else None,
+        "equal": not any(found.different for found in every),
     }
 
 
@@ -149,7 +109,7 @@ def _what(case: Case) -> Exportable:
     robot = loaded_robot(case.robot)
     single, friction = case.precision == "float", _friction(robot)
     return exportable(
-        ready(robot, case.kind, duration=0.1, friction=friction, single=single).controller
+        ready(robot, case.controller, duration=0.1, friction=friction, single=single).controller
     )
 
 
@@ -158,15 +118,11 @@ def _exported(case: Case) -> tuple[list[Path], int]:
     """Folders with its C for its own walk and, if that is another one, for all's; and its memory,
     B.
     """
-    what, daqp, folders, ram = _what(case), case.controller == "daqp", [], 0
-    for walk in dict.fromkeys((case.kind, SAME)):
-        given = replace(what, step=_build, kind="daqp") if daqp else what
-        folder, ram = case.write(
-            given, walk, f"{case.robot}_{case.controller}_{case.precision}_{walk}"
-        )
+    folders, ram = [], 0
+    for walk in dict.fromkeys((case.controller, SAME)):
+        name = f"{case.robot}_{case.controller}_{case.precision}_{walk}"
+        folder, ram = case.write(_what(case), walk, name)
         folders.append(folder)
-        if daqp:
-            daqp_count(folder, folder.name, what)
     return folders, ram
 
 

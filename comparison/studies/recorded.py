@@ -19,9 +19,9 @@ import pinocchio as pin
 
 import harpy_pin as hp
 from comparison.study import Job, Shown, Study, View, shown
+from harpy_pin.contrib.drift import off
 from harpy_pin.errors import HarpyError, InputError, install_line
 from harpy_pin.estimation import EstimatorSettings
-from harpy_pin.log.drift import off
 from harpy_pin.model.state import Vector
 
 SOURCES = ("Contact-Aided-Invariant-EKF", "cassie_description")
@@ -130,8 +130,8 @@ def load_cassie(folder: Path) -> hp.Robot:
 def estimate_log(
     folder: Path, *, seed: int = 0, settings: EstimatorSettings | None = None
 ) -> dict[str, Any]:
-    """How far the estimate of the log is off, by :func:`harpy_pin.log.drift.off`, and what it says
-    at the end.
+    """How far the estimate of the log is off, by :func:`harpy_pin.contrib.drift.off`, and what it
+    says at the end.
 
     Args:
         folder: with a clone of each repository, under its name.

@@ -25,8 +25,8 @@ from comparison.studies.worlds import random_walk
 from comparison.study import Job, Study, View, fell, median, most, walk_as_far_as_it_goes, where
 from comparison.worlds import walk as others
 from comparison.worlds.models import FEET, ROBOTS
+from harpy_pin.contrib.drift import off
 from harpy_pin.contrib.flight import Flying, Jump
-from harpy_pin.log.drift import off
 from harpy_pin.model.source import loaded_robot
 
 HARPY, HARPY_PUSH = "harpy", 3.0

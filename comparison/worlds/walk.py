@@ -27,9 +27,9 @@ from harpy_pin import (
     WalkingGait,
     make_controller,
 )
+from harpy_pin.contrib.drift import off
 from harpy_pin.errors import ControlError
 from harpy_pin.estimation import Estimator, Imu
-from harpy_pin.log.drift import off
 from harpy_pin.model.state import Vector
 from harpy_pin.model.tree import feet_moved
 from harpy_pin.simulation.mujoco.conventions import import_mujoco

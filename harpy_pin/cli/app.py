@@ -11,7 +11,6 @@ import typer
 from harpy_pin import __version__
 from harpy_pin.cli.compile import compile_ahead, export
 from harpy_pin.cli.ending import one_line_errors, stopping
-from harpy_pin.cli.estimate import estimate
 from harpy_pin.cli.lists import info, robots, settings
 from harpy_pin.cli.output import BAD_INPUT
 from harpy_pin.cli.view import film, view
@@ -37,7 +36,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-for command in (demo, walk, estimate, view, film, info, robots, settings, export):
+for command in (demo, walk, view, film, info, robots, settings, export):
     app.command()(stopping(command))
 app.command("compile")(stopping(compile_ahead))
 for extension in entry_points(group="harpy_pin.commands"):

@@ -22,7 +22,7 @@ from harpy_pin.controllers.parameters import WholeBodyParameters
 from harpy_pin.controllers.task_controller import tasks_record
 from harpy_pin.controllers.tasks import forces_in_world, task_terms
 from harpy_pin.errors import InputError, reason
-from harpy_pin.gaits.gait import FullGait, GaitTarget, GaitTargetRecord
+from harpy_pin.gaits.gait import Gait, GaitTarget, GaitTargetRecord
 from harpy_pin.gaits.standing import Hovering, Standing
 from harpy_pin.gaits.straight import make_gait
 from harpy_pin.kernels import kernel
@@ -150,7 +150,7 @@ class CondensedBatch(KeepsViews):
         self._n = n = checks.whole("n", n, low=1)
         checks.one_of("dtype", getattr(dtype, "__name__", str(dtype)), ("float64", "float32"))
         self.dtype = np.dtype(dtype)
-        gait: FullGait
+        gait: Gait
         if robot.name == "harpy":
             gait = make_gait(robot, speed=0.0)
         else:
@@ -283,12 +283,7 @@ def step_batch(
         Records[BodyRecord],
     ],
     memory: tuple[
-        NDArray[np.int64],
-        NDArray[np.int64],
-        NDArray[np.int64],
-        Vector,
-        NDArray[np.int64],
-        Vector,
+        NDArray[np.int64], NDArray[np.int64], NDArray[np.int64], Vector, NDArray[np.int64], Vector
     ],
     robots: tuple[Vector, Vector],
     given: tuple[Vector, Vector, Vector],

@@ -100,7 +100,7 @@ class Shield(KeepsViews):
         period: float = 1e-3,
         parameters: ContactForceFilterParameters | None = None,
     ) -> None:
-        self.robot = checks.instance("robot", robot, Robot)
+        self.robot = robot
         mu = checks.number("mu", mu, low=0.0)
         self._loop = ShieldLoop(robot, 1, mu=mu, period=period, parameters=parameters)
         self.governor: ContactForceFilter = self._loop.governor

@@ -54,7 +54,7 @@ class ShieldBatch(KeepsViews):
         period: float = 1e-3,
         parameters: ContactForceFilterParameters | None = None,
     ) -> None:
-        self.robot = checks.instance("robot", robot, Robot)
+        self.robot = robot
         self._n = checks.whole("n", n, low=1, high=checks.MAX_TICKS)
         given = checks.array("mu", mu, None)
         self.mu = checks.vector("mu", np.full(self.n, given) if given.ndim == 0 else given, self.n)

@@ -30,7 +30,7 @@ from harpy_pin.controllers.governed_tick import (
 )
 from harpy_pin.controllers.parameters import FeedforwardGains
 from harpy_pin.controllers.tasks import share_of_load
-from harpy_pin.gaits.gait import FullGait, GaitTargetRecord
+from harpy_pin.gaits.gait import Gait, GaitTargetRecord
 from harpy_pin.kernels import kernel
 from harpy_pin.model.dynamics import DynamicsRecord, dynamics_record
 from harpy_pin.model.record import RecordOf, Records, make_record, sized
@@ -55,7 +55,7 @@ class ForwardTickRecord(ControlRecord):
     forward: ForwardRecord  # its settings and work space
 
 
-def forward_record(gait: FullGait, gains: FeedforwardGains) -> Records[ForwardRecord]:
+def forward_record(gait: Gait, gains: FeedforwardGains) -> Records[ForwardRecord]:
     """A new :class:`ForwardRecord`."""
     robot = gait.robot
     return make_record(

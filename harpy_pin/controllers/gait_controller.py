@@ -5,7 +5,7 @@ answered.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import asdict
 from math import isfinite
 from threading import RLock
@@ -17,16 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from harpy_pin.controllers.parameters import GovernedParameters, WholeBodyParameters
 from harpy_pin.controllers.tick import BAD_SAMPLE, TickRecord
 from harpy_pin.errors import InputError
-from harpy_pin.gaits.gait import (
-    LONGEST,
-    FullGait,
-    Gait,
-    GaitTarget,
-    Unobserved,
-    calls_of,
-    check_target,
-    own_target,
-)
+from harpy_pin.gaits.gait import LONGEST, Gait, GaitTarget, Unobserved, check_target, own_target
 from harpy_pin.kernels import Kernel, kernel
 from harpy_pin.kernels.calls import Call, Chain
 from harpy_pin.model.entry import MISFIT, as_state
@@ -80,14 +71,10 @@ class GaitController(KeepsViews, ABC):
         return self._intended
 
     def __init__(self, gait: Gait, parameters: GovernedParameters | WholeBodyParameters) -> None:
-        self.gait: FullGait = own_target(gait)
+        self.gait = own_target(gait)
         self.robot = gait.robot
         self.parameters, self.period = parameters, parameters.period
         self.target: GaitTarget = self.gait.target
-        self._observe: Callable[[State], None] | None = getattr(self.gait, "observe", None)
-        self._gait_signals: Callable[[], Mapping[str, ArrayLike]] = getattr(
-            self.gait, "telemetry", dict
-        )
         self._convert = False  # whether states come in a form that kernels do not take
 
     def _begin(self, record: Records[Any]) -> None:
@@ -166,8 +153,7 @@ class GaitController(KeepsViews, ABC):
         """Targets of the gait at a state whose time is finite, checked where they are another
         object than before.
         """
-        if self._observe is not None:
-            self._observe(state)
+        self.gait.observe(state)
         target = self.gait.update(state.t)
         if target is not self.target:
             self.target = check_target(target, self.robot)
@@ -208,7 +194,7 @@ class GaitController(KeepsViews, ABC):
     def telemetry(self) -> Mapping[str, ArrayLike]:
         """Signals of the last tick, by name: those of the controller, then those of its gait."""
         of_target = {"x_r": self.target.body[:6], "stance": self.target.stance}
-        return {**of_target, **self._signals, **self._gait_signals()}
+        return {**of_target, **self._signals, **self.gait.telemetry()}
 
     def describe(self) -> Mapping[str, Any]:
         """Gait and parameters."""
@@ -228,7 +214,7 @@ class GaitController(KeepsViews, ABC):
         """The kernels of gait and controller; None where one of them does more, as a class of the
         user's may.
         """
-        calls = calls_of(self.gait, state)
+        calls = self.gait.calls(state)
         if calls is None or not type(self).__module__.startswith("harpy_pin."):
             return None
         measured = self._measured(state)

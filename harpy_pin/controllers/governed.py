@@ -88,9 +88,9 @@ class GovernedController(GaitController):
     ) -> None:
         given = GovernedParameters() if parameters is None else parameters
         p = checks.instance("parameters", given, GovernedParameters)
-        why = getattr(gait, "not_governed", "")
-        if why:
-            message = f"the paper's controller {why}: walk this gait with 'condensed' or 'wbc'"
+        if gait.not_governed:
+            other = "walk this gait with 'condensed' or 'wbc'"
+            message = f"the paper's controller {gait.not_governed}: {other}"
             raise InputError(message, name="gait", value=gait)
         super().__init__(gait, p)
         if len(self.robot.joints) != 6:

@@ -21,7 +21,7 @@ from harpy_pin.controllers.parameters import (
 from harpy_pin.controllers.whole_body import WholeBodyController
 from harpy_pin.errors import InputError
 from harpy_pin.gaits.fitting import GRAVITY
-from harpy_pin.gaits.gait import Gait, check_gait
+from harpy_pin.gaits.gait import Gait
 from harpy_pin.governors.contact_force_filter import ContactForceFilter
 from harpy_pin.governors.contact_force_parameters import ContactForceFilterParameters
 from harpy_pin.governors.erg import ExplicitReferenceGovernor, PaperGovernorParameters
@@ -150,7 +150,6 @@ def make_controller(
     """
     if governor is not None:
         checks.one_of("governor", governor, GOVERNORS)
-    check_gait(gait)
     if bridge is not None and bridge.robot.joints != gait.robot.joints:
         message = f"the gait is of '{gait.robot.name}', the bridge of '{bridge.robot.name}'"
         raise InputError(message, name="bridge", value=bridge)

@@ -9,7 +9,7 @@ from typing import Any, TypeVar
 from harpy_pin import checks
 from harpy_pin.errors import InputError, shown
 from harpy_pin.gaits.fitting import fitting_parameters
-from harpy_pin.gaits.gait import Gait, check_gait
+from harpy_pin.gaits.gait import Gait
 from harpy_pin.governors.thrust import AttitudeGains, CentreGains
 from harpy_pin.wbc import FORMULATIONS, SOLVERS, WholeBodyLimits, WholeBodyWeights
 
@@ -157,8 +157,7 @@ class WholeBodyParameters:
         hold_ticks: ticks in a row for which the last good command is held after failed solves, at
             most 1000.
         formulation: one of :data:`harpy_pin.wbc.FORMULATIONS`. ``full`` and ``input_space`` have
-            the same solutions; ``contact_force`` has no posture task, and other solutions where a
-            motor is at its limit.
+            the same solutions.
         solver: one of :data:`harpy_pin.wbc.SOLVERS`, which solves every tick. ``active_set`` is
             this library's own search, with which a tick is one bounded compiled call.
         estimate_friction: take a friction coefficient that is estimated while walking
@@ -221,14 +220,13 @@ class WholeBodyParameters:
         Raises:
             InputError: it is no gait, or a setting is unknown or out of its domain.
         """
-        check_gait(gait)
-        rule = fitting_parameters(gait.robot)
+        rule = fitting_parameters(checks.instance("gait", gait, Gait).robot)
         records = {
             "weights": WholeBodyWeights(**rule["weights"]),
             "limits": WholeBodyLimits(**rule["limits"]),
         }
         fitting = cls(**{**rule, **records})
-        return changed(changed(fitting, getattr(gait, "controller_parameters", {})), changes)
+        return changed(changed(fitting, gait.controller_parameters), changes)
 
     def __post_init__(self) -> None:
         checks.number("period", self.period, low=0.0, strict=True)

@@ -20,11 +20,10 @@ from harpy_pin.controllers.gait_controller import GaitController
 from harpy_pin.controllers.joint_targets import joint_targets_record
 from harpy_pin.controllers.parameters import WholeBodyParameters
 from harpy_pin.controllers.tasks import TaskSettingsRecord, TasksRecord
-from harpy_pin.gaits.gait import FullGait, Gait
+from harpy_pin.gaits.gait import Gait
 from harpy_pin.model.dynamics import Dynamics, dynamics_record
 from harpy_pin.model.record import Records, field, make_record
-from harpy_pin.wbc.tasks.built_in import joint_weights
-from harpy_pin.wbc.weights import WholeBodyTargets, targets_record
+from harpy_pin.wbc.weights import WholeBodyTargets, joint_weights, targets_record
 
 FEWEST_TICKS, FEWEST_ON_TWO = 8, 20
 """Ticks of a step, on more than two feet and on two, from which on eleven robots of twelve stood in
@@ -33,7 +32,7 @@ the compliant plant, at any period.
 
 
 def tasks_record(
-    gait: FullGait,
+    gait: Gait,
     parameters: WholeBodyParameters,
     kind: type[TasksRecord] = TasksRecord,
     **parts: ArrayLike,
@@ -102,12 +101,8 @@ class TaskController(GaitController):
     def __init__(self, gait: Gait, parameters: WholeBodyParameters | None) -> None:
         p = parameters if parameters is not None else WholeBodyParameters.for_gait(gait)
         super().__init__(gait, p)
-        expect_lag = getattr(self.gait, "expect_lag", None)
-        if expect_lag is not None:  # a gait that flies
-            expect_lag(p.thrust_lag)
-        expect_friction = getattr(self.gait, "expect_friction", None)
-        if expect_friction is not None:
-            expect_friction(p.limits.mu)
+        self.gait.expect_lag(p.thrust_lag)
+        self.gait.expect_friction(p.limits.mu)
         ticks = self.gait.step_duration / p.period
         fewest = FEWEST_TICKS if len(self.robot.corners) > 2 else FEWEST_ON_TWO
         if ticks < fewest:

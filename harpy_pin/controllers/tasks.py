@@ -1,7 +1,7 @@
 """References of the built-in tasks, from gait and gains: accelerations of body, feet and joints,
 and the stance feet.
 
-What these tasks are is in :mod:`harpy_pin.wbc.tasks.built_in`.
+``tests/wbc/test_built_in_tasks.py`` has a table of these tasks.
 
 **Ground that is not level.** Every formulation, the condensed program, the cones and the estimate
 of the friction say z where they mean the normal. So Jacobian, drift, target and force of every foot

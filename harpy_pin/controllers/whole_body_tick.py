@@ -30,7 +30,6 @@ from harpy_pin.model.state import Vector
 from harpy_pin.model.terms import write_thrusts
 from harpy_pin.wbc.active_set import ActiveSetRecord, DualRecord, ProgramRecord
 from harpy_pin.wbc.active_set_warm_start import INACCURATE, solve_further, start_tick
-from harpy_pin.wbc.contact_force import ContactForceRecord
 from harpy_pin.wbc.formulations import FORMULATIONS
 from harpy_pin.wbc.giving_way import at_a_limit, outside
 from harpy_pin.wbc.problem import FormulationRecord
@@ -84,8 +83,7 @@ class ProgramTickRecord(RecordOf):
 
     control: WholeBodyTickRecord  # tasks, solution and command
     problem: FormulationRecord  # what the formulation knows
-    # what it keeps of the last state: formulation ``input_space``, or ``contact_force``
-    terms: ContactMapRecord | ContactForceRecord
+    terms: ContactMapRecord  # what the formulation keeps of the last state
     program: ProgramRecord  # the quadratic program
     search: ActiveSetRecord  # the last active set and its exchange
     dual: DualRecord  # the dual method, which starts without active constraints
@@ -162,9 +160,9 @@ class TickKernels:
     step_of_one_with_targets: Kernel[int]  # :attr:`step_of_one`, and these
 
 
-def _tick_of(name: str) -> TickKernels:
+def tick_of(formulation: str) -> TickKernels:
     """The tick in a formulation."""
-    kernels = FORMULATIONS[name].kernels
+    kernels = FORMULATIONS[formulation].kernels
     build, read, read_force = kernels.build, kernels.inputs, kernels.force
     limit, let_give_way, read_acceleration = kernels.limit, kernels.give_way, kernels.acceleration
 
@@ -324,5 +322,5 @@ def _tick_of(name: str) -> TickKernels:
     )
 
 
-QP_TICKS: dict[str, TickKernels] = {name: _tick_of(name) for name in FORMULATIONS}
+QP_TICKS: dict[str, TickKernels] = {name: tick_of(name) for name in FORMULATIONS}
 """The tick by formulation."""

@@ -125,19 +125,12 @@ def run(program: Path, chip: Chip) -> tuple[str, int]:
     return run_program([*machine, *target], timeout=MOST)
 
 
-def measure(
-    folder: Path,
-    name: str,
-    chip: Chip,
-    *,
-    flags: Sequence[str] = ("-O2",),
-    sources: Sequence[Path | str] = ("count.c",),
-) -> Measured:
+def measure(folder: Path, name: str, chip: Chip, *, flags: Sequence[str] = ("-O2",)) -> Measured:
     """Count a controller, whose files have this name, with its recorded ticks in an exported
     folder, on a chip.
 
-    The flags are the compiler's, the sources those of the program that counts. A
-    :class:`HarpyError` says that it does not compile, or that the program failed.
+    The flags are the compiler's. A :class:`HarpyError` says that it does not compile, or that the
+    program failed.
     """
     folder = folder.resolve()  # sources are named from it
     with work_folder() as work:
@@ -150,7 +143,7 @@ def measure(
             )  # others may count on the same chip meanwhile
             _object(folder, "vectors.c", chip, made, ["-O1"]).replace(vectors)
         program = build(
-            folder, [controller, vectors, *sources], chip, place / "count.elf", flags=flags
+            folder, [controller, vectors, "count.c"], chip, place / "count.elf", flags=flags
         )
         text, code = run(program, chip)
         if code:

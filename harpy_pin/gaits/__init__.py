@@ -2,7 +2,7 @@
 
 from harpy_pin.gaits.commanded import CommandedGait, CommandedParameters, make_commanded_gait
 from harpy_pin.gaits.gait import Gait, GaitTarget
-from harpy_pin.gaits.on_terrain import OnFeltGround, OnTerrain
+from harpy_pin.gaits.on_terrain import OnTerrain
 from harpy_pin.gaits.standing import Hovering, Standing
 from harpy_pin.gaits.straight import GaitParameters, StepParameters, StraightGait, make_gait
 from harpy_pin.gaits.walking import WalkingGait
@@ -14,7 +14,6 @@ __all__ = [
     "GaitParameters",
     "GaitTarget",
     "Hovering",
-    "OnFeltGround",
     "OnTerrain",
     "Standing",
     "StepParameters",

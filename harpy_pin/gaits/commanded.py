@@ -107,7 +107,6 @@ class CommandedGait(FollowsVelocity):
         record: all that the walk remembers, for kernels.
         most_speed: m/s; what the legs reach, see :meth:`_speeds`.
         most_sideways: m/s; faster, a foot would land closer than 0.1 m to the other.
-        not_governed: why the paper's controller cannot follow it.
 
     Raises:
         InputError: the robot is no biped, the velocity is none, or the legs do not reach so far as
@@ -123,8 +122,9 @@ class CommandedGait(FollowsVelocity):
         velocity: Velocity = (0.0, 0.0, 0.0),
         parameters: CommandedParameters | None = None,
     ) -> None:
+        super().__init__(robot)
         self.geometry = two_legs(robot)
-        self.robot = robot
+        self.controller_parameters = tuned_parameters(robot)
         self.parameters = p = parameters if parameters is not None else CommandedParameters()
         self.step_duration, self.double_support = p.step_duration, p.double_support
         self.most_speed, self.most_sideways = self._speeds()
@@ -141,20 +141,12 @@ class CommandedGait(FollowsVelocity):
         )
         self._state = self._record_[0]
         self._follow(velocity)
-        self.target = GaitTarget()
         restart.prepare(self._record_)
         advance.prepare(0.0, self._record_, self.target._record_)
         self._begin()
 
     def __repr__(self) -> str:
         return f"{type(self).__name__}('{self.robot.name}')"
-
-    @property
-    def controller_parameters(self) -> dict[str, Any]:
-        """Settings of whole-body controllers, see
-        :func:`~harpy_pin.gaits.straight.tuned_parameters`.
-        """
-        return tuned_parameters(self.robot)
 
     def update(self, t: float) -> GaitTarget:
         """Targets at time t ≥ 0, s; time zero, or one more than a step before the last, begins the
@@ -183,7 +175,7 @@ class CommandedGait(FollowsVelocity):
         return self.target
 
     def calls(self, state: State) -> tuple[Call, ...] | None:
-        """See :class:`~harpy_pin.gaits.gait.Gait`; Python takes a script's rows."""
+        """See :meth:`~harpy_pin.gaits.gait.Gait.calls`; Python takes a script's rows."""
         if type(self) is not CommandedGait or self._function is not None:
             return None
         return (Call(advance, 0.0, self._record_, self.target._record_, expected=True),)

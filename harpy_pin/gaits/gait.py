@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from typing import Any, ClassVar, Protocol, cast
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from numpy.typing import ArrayLike
 
@@ -16,6 +17,9 @@ from harpy_pin.model.memory import KeepsViews, fixed_arrays, shares_memory
 from harpy_pin.model.record import RecordOf, Records, field, make_record, sized
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import State, Vector
+
+if TYPE_CHECKING:
+    from harpy_pin.ground.terrain import Terrain
 
 CHANGE_OVER = 0.3
 """Share of a swing in which :attr:`GaitTarget.world_frame_blend` rises."""
@@ -97,46 +101,57 @@ class GaitTarget(KeepsViews, GaitTargetRecord):
             setattr(self, name, field(self._record_, name))
 
 
-class Gait(Protocol):
-    """Targets of a walk for one robot: three members, and any controller of this library follows
-    it.
+class Gait(KeepsViews, ABC):
+    """Targets of a walk for one robot. A gait of one's own derives from this class, and writes
+    :meth:`update` and :meth:`initial_state`; all else has defaults.
 
-    What else a gait may have is used where it is there:
-
-    - ``step_duration``: time from one touchdown to the next, s. Measures per step are per second
-      where there is none.
-    - ``double_support``: share of a step with both feet on the ground, over which the load moves
-      from one foot to the other. Without it a foot may take the whole load at once.
-    - ``observe(state)``: takes the measured :class:`~harpy_pin.model.state.State` of a tick, before
-      ``update`` of its time, for gaits that choose their steps by it. Bad samples come, too: the
-      gait has to ignore them.
-    - ``describe() -> Mapping[str, Any]``: parameters, for the log's metadata.
-    - ``controller_parameters``: settings of whole-body controllers that fit it, as a mapping. They
-      take them before those that fit its robot (:mod:`harpy_pin.gaits.fitting`), which are enough
-      for most gaits.
-    - ``telemetry() -> Mapping[str, ArrayLike]``: signals of the last update, the same names and
-      shapes each time, which the whole-body controllers log.
-    - ``expect_lag(lag)``: takes the time constant of the thrusts that the controller assumes, s.
-    - ``expect_friction(mu)``: takes the friction coefficient that the controller assumes.
-    - ``calls(state)``: the kernels of an update at the time of a tick
-      (:class:`~harpy_pin.kernels.calls.Call`), with those of ``observe`` before, for a loop in C
-      (:mod:`harpy_pin.simulation.ticks`); None where Python takes part. They write the gait's own
-      ``target``. ``state`` has the arrays of the measured state, which stay where they are; those
-      of ``telemetry()`` do, too.
-
-    A gait around another one passes these on. The paper's controller faces x: it refuses targets
-    with a heading.
+    A gait around another one has to pass on what of the rest it wants. The paper's controller
+    faces x: it refuses targets with a heading.
 
     The library's own gaits never change, and every controller takes a copy with targets of its own.
     A gait of one's own is used as it is, so that it may be steered during the walk: it is for one
     controller, in one thread. So is :class:`~harpy_pin.gaits.commanded.CommandedGait`.
 
+    Args:
+        robot: who walks.
+
     Attributes:
         robot: who walks.
+        target: of the last :meth:`update`.
+        step_duration: time from one touchdown to the next, s. By default one second, so that
+            measures per step are per second.
+        double_support: share of a step with both feet on the ground, over which the load moves from
+            one foot to the other. By default zero: a foot may take the whole load at once.
+        walks: whether it goes or steps. False of one that stands: where no stiffness is given, its
+            ground is softer.
+        terrain: that it knows. A gait with none is laid over the ground of a scenario.
+        not_governed: why the paper's controller cannot follow it; empty where it can.
+        controller_parameters: settings of whole-body controllers that fit it. They take them before
+            those that fit its robot (:mod:`harpy_pin.gaits.fitting`), which are enough for most
+            gaits.
+        constant: whether it never changes; a class says so by ``class Own(Gait, constant=True)``,
+            and not for those that derive from it.
     """
 
     robot: Robot
+    target: GaitTarget
+    step_duration: float = 1.0
+    double_support: float = 0.0
+    walks: bool = True
+    terrain: Terrain | None = None
+    not_governed: str = ""
+    controller_parameters: Mapping[str, Any] = {}
+    constant: ClassVar[bool] = False
 
+    def __init_subclass__(cls, *, constant: bool = False) -> None:
+        super().__init_subclass__()
+        cls.constant = constant
+
+    def __init__(self, robot: Robot) -> None:
+        self.robot = checks.instance("robot", robot, Robot)
+        self.target = GaitTarget(len(robot.feet))
+
+    @abstractmethod
     def update(self, t: float) -> GaitTarget:
         """Targets at time t ≥ 0, s. Controllers ask for finite times only.
 
@@ -144,11 +159,10 @@ class Gait(Protocol):
             t: time, s, finite and not negative.
 
         Returns:
-            The targets, with as many feet as the robot has; best the same object each time,
-            overwritten.
+            The targets, with as many feet as the robot has; best :attr:`target`, overwritten.
         """
-        ...
 
+    @abstractmethod
     def initial_state(self, *, penetration: float = 0.0) -> tuple[Vector, Vector]:
         """Configuration (nq,) and velocity (nv,) that match the targets at t = 0.
 
@@ -156,96 +170,61 @@ class Gait(Protocol):
             penetration: how deep the lower foot is in the ground, m (see
                 ``Simulator.static_penetration``).
         """
-        ...
 
+    def observe(self, state: State) -> None:
+        """Take what was measured in a tick, before :meth:`update` of its time, for gaits that
+        choose their steps by it.
 
-class FullGait(Gait, Protocol):
-    """What the gaits of this library have besides, and controllers use; see :class:`Gait`."""
+        Args:
+            state: measured. Bad samples come, too: ignore them.
+        """
 
-    target: GaitTarget  # the targets of the last :meth:`update`
-    step_duration: float
-    double_support: float
+    def expect_lag(self, lag: float) -> None:
+        """Plan for what the controller assumes of its thrusts.
+
+        Args:
+            lag: time constant with which they follow, s.
+        """
+
+    def expect_friction(self, mu: float) -> None:
+        """Plan for what the controller assumes of the ground.
+
+        Args:
+            mu: friction coefficient.
+        """
 
     def describe(self) -> Mapping[str, Any]:
         """Parameters, for the log's metadata."""
-        ...
+        return {"gait": type(self).__name__, "step_duration": self.step_duration}
+
+    def telemetry(self) -> Mapping[str, ArrayLike]:
+        """Signals of the last update, the same names and shapes each time, which the whole-body
+        controllers log.
+        """
+        return {}
+
+    def calls(self, state: State) -> Sequence[Call] | None:
+        """The kernels of an update at the time of a tick, with those of :meth:`observe` before, for
+        a loop in C (:mod:`harpy_pin.simulation.ticks`); None where Python takes part.
+
+        They write :attr:`target`.
+
+        Args:
+            state: arrays of the measured state, which stay where they are; those of
+                :meth:`telemetry` do, too.
+        """
+        return None
 
 
-class CompletedGait:
-    """A gait of one's own, with defaults for what :class:`Gait` leaves open.
-
-    Args:
-        gait: whose targets these are.
+def own_target(gait: Gait) -> Gait:
+    """The gait that a controller follows: of one that never changes a copy with targets of its own,
+    else the gait itself.
     """
-
-    def __init__(self, gait: Gait) -> None:
-        self.gait, self.robot = gait, gait.robot
-        self.update, self.initial_state = gait.update, gait.initial_state
-        self.target = GaitTarget(len(gait.robot.feet))
-        self.step_duration = float(getattr(gait, "step_duration", 1.0))
-        self.double_support = float(getattr(gait, "double_support", 0.0))
-        self.telemetry: Callable[[], Mapping[str, ArrayLike]] = getattr(gait, "telemetry", dict)
-        self.observe: Callable[[State], None] | None = getattr(gait, "observe", None)
-        self.expect_lag: Callable[[float], None] | None = getattr(gait, "expect_lag", None)
-        self.expect_friction: Callable[[float], None] | None = getattr(
-            gait, "expect_friction", None
-        )
-        self.controller_parameters: Mapping[str, Any] = getattr(gait, "controller_parameters", {})
-
-    def describe(self) -> Mapping[str, Any]:
-        """The gait's own parameters, or its kind."""
-        own = getattr(self.gait, "describe", None)
-        return (
-            own()
-            if own is not None
-            else {"gait": type(self.gait).__name__, "step_duration": self.step_duration}
-        )
-
-
-def check_gait(gait: object) -> None:
-    """Refuse what is no gait.
-
-    Raises:
-        InputError: the message says what is missing.
-    """
-    missing = [name for name in ("robot", "update", "initial_state") if not hasattr(gait, name)]
-    if missing:
-        message = (
-            f"a gait needs robot, update(t) and initial_state(); {type(gait).__name__} has "
-            f"no {', '.join(missing)}"
-        )
-        raise InputError(message, name="gait", value=gait)
-
-
-def calls_of(gait: Gait, state: State) -> Sequence[Call] | None:
-    """The kernels of an update of a gait, at a state whose arrays stay where they are; None where
-    Python takes part.
-    """
-    calls: Callable[[State], Sequence[Call] | None] = getattr(gait, "calls", lambda _: None)
-    return calls(state)
-
-
-def own_target(gait: Gait) -> FullGait:
-    """The gait that a controller follows.
-
-    Where its class says itself that it never changes (that of a subclass may), it is a copy with
-    targets of its own; otherwise the gait itself, if it has all that :class:`FullGait` has, or in
-    front of it a :class:`CompletedGait`.
-
-    Raises:
-        InputError: it is no gait; the message says what is missing.
-    """
-    check_gait(gait)
-    full = cast(FullGait, gait)
-    if vars(type(gait)).get("constant", False):
-        own = shares_memory(full)
-        own.target = GaitTarget(len(gait.robot.feet))
-        return own
-    if all(
-        hasattr(gait, name) for name in ("target", "step_duration", "double_support", "describe")
-    ):
-        return full
-    return CompletedGait(gait)
+    if not gait.constant:
+        return gait
+    own = shares_memory(gait)
+    own.target = GaitTarget(len(gait.robot.feet))
+    return own
 
 
 def check_target(target: object, robot: Robot) -> GaitTarget:
@@ -284,18 +263,11 @@ def copy_target(g: GaitTargetRecord, o: GaitTargetRecord) -> None:
     o.centre_of_mass[:] = g.centre_of_mass
 
 
-class ClockGait(KeepsViews):
-    """A gait whose targets one kernel finds from the time alone.
-
-    It never changes where its class says so itself, by ``constant``; controllers may then copy it
-    (:func:`own_target`), and call the kernel by themselves.
-
-    Attributes:
-        target: of the last update.
+class ClockGait(Gait):
+    """A gait whose targets one kernel finds from the time alone; where it never changes,
+    controllers call the kernel by themselves.
     """
 
-    robot: Robot
-    target: GaitTarget
     _record: Records[Any]
     _kernel: ClassVar[Kernel[bool]]
 
@@ -315,8 +287,8 @@ class ClockGait(KeepsViews):
         return self.target
 
     def calls(self, state: State) -> tuple[Call, ...] | None:
-        """See :class:`Gait`."""
-        if not vars(type(self)).get("constant", False):
+        """See :meth:`Gait.calls`."""
+        if not self.constant:
             return None
         return (Call(self._kernel, 0.0, self._record, self.target._record_, expected=True),)
 

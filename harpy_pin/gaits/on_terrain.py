@@ -1,4 +1,4 @@
-"""A gait of flat ground, laid over ground that is not flat, known or felt.
+"""A gait of flat ground, laid over ground that is not flat.
 
 On a slope that is too steep for friction the body is downhill of its feet. Thrust then holds what
 friction does not, and it acts high above the feet, so that it tips the robot uphill. The weight
@@ -23,16 +23,13 @@ from numpy.typing import ArrayLike
 from harpy_pin import checks
 from harpy_pin.arguments import checked
 from harpy_pin.gaits.commanded import CommandedGait
-from harpy_pin.gaits.fitting import GRAVITY
-from harpy_pin.gaits.gait import FullGait, Gait, GaitTarget, calls_of, own_target
+from harpy_pin.gaits.gait import Gait, GaitTarget, own_target
 from harpy_pin.gaits.straight import StraightGait
 from harpy_pin.gaits.terrain_targets import OnTerrainRecord, fit_plane, lay_over
 from harpy_pin.gaits.walking.swinging import walk_over
 from harpy_pin.gaits.walking.walking_gait import WalkingGait
 from harpy_pin.ground.terrain import Plane, Terrain
 from harpy_pin.kernels.calls import Call
-from harpy_pin.model.entry import as_state
-from harpy_pin.model.memory import KeepsViews
 from harpy_pin.model.record import make_record
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import State, Vector
@@ -51,19 +48,13 @@ it for errors.
 """
 DOWNHILL_STEPS = 4
 """Steps of the iteration that finds this place; each leaves a sixth of the error."""
-KEPT = 2
-"""Places where it touched the ground that are kept of each foot."""
-LOADED = 0.05
-"""Normal force from which on a foot touches the ground, as a share of the weight."""
-FAR_BEHIND = -1e9
-"""Where the profile that lifts the plane begins, m."""
 LOWERED, LOWER, CLOSE = 10, 0.02, 2e-3
 """How often the body of a robot on soles is lowered at most until they are where they should be, by
 which share of its height, and how near that is, m: legs of humanoids are nearly straight.
 """
 
 
-class OnTerrain(KeepsViews):
+class OnTerrain(Gait):
     """A gait of flat ground whose feet stay on the ground, and whose body stays as high above it.
 
     Heights are all that changes: of a foot by that of the ground below it, of the body by that of
@@ -79,9 +70,9 @@ class OnTerrain(KeepsViews):
 
     Attributes:
         gait: of flat ground.
-        target: of the last update.
-        controller_parameters: those of that gait.
     """
+
+    terrain: Terrain
 
     @checked
     def __init__(
@@ -92,8 +83,9 @@ class OnTerrain(KeepsViews):
         normal_error: float = 0.0,
         friction: float | None = None,
     ) -> None:
-        self.gait: FullGait = own_target(gait)
-        self.robot, self.terrain = gait.robot, terrain
+        super().__init__(gait.robot)
+        self.gait, self.terrain, self.walks = own_target(gait), terrain, gait.walks
+        self.controller_parameters = gait.controller_parameters
         self.step_duration, self.double_support = self.gait.step_duration, self.gait.double_support
         q = self.gait.initial_state(penetration=0.0)[0]
         feet = self._feet(q)[0]
@@ -120,9 +112,6 @@ class OnTerrain(KeepsViews):
             ahead, aside = self.gait.swing_curve[-1, :2]
             self._record["swing_time"] = self.step_duration * (1.0 - self.double_support)
             self._record["landing"][0] = (ahead, aside), (ahead, -aside)
-        self.target = GaitTarget(len(self.robot.feet))
-        self._observe = getattr(self.gait, "observe", None)
-        self.controller_parameters: Mapping[str, Any] = getattr(gait, "controller_parameters", {})
         lay_over.prepare(0.0, self._record, self.gait.target._record_, self.target._record_)
 
     def __repr__(self) -> str:
@@ -146,9 +135,8 @@ class OnTerrain(KeepsViews):
             self.gait._record_["terrain"] = terrain.record
 
     def observe(self, state: State) -> None:
-        """See :class:`~harpy_pin.gaits.gait.Gait`; the state goes to the gait, if it takes one."""
-        if self._observe is not None:
-            self._observe(state)
+        """See :meth:`~harpy_pin.gaits.gait.Gait.observe`; the state goes to the gait."""
+        self.gait.observe(state)
 
     def update(self, t: float) -> GaitTarget:
         """See :meth:`~harpy_pin.gaits.gait.Gait.update`."""
@@ -156,8 +144,8 @@ class OnTerrain(KeepsViews):
         return self.target
 
     def calls(self, state: State) -> tuple[Call, ...] | None:
-        """See :class:`~harpy_pin.gaits.gait.Gait`."""
-        calls = calls_of(self.gait, state)
+        """See :meth:`~harpy_pin.gaits.gait.Gait.calls`."""
+        calls = self.gait.calls(state)
         if type(self) is not OnTerrain or calls is None:
             return None
         return *calls, Call(
@@ -235,91 +223,7 @@ class OnTerrain(KeepsViews):
 
     def telemetry(self) -> Mapping[str, ArrayLike]:
         """The gait's signals."""
-        signals: Mapping[str, ArrayLike] = getattr(self.gait, "telemetry", dict)()
-        return signals
-
-
-class OnFeltGround(OnTerrain):
-    """A gait of flat ground, laid over the plane nearest to the places where its feet have touched
-    the ground.
-
-    The places are the last two of each foot, from the measured state. What they say nothing of
-    stays as it was, and the estimate follows with a lag.
-
-    Args:
-        gait: of flat ground.
-        lag: time constant of the estimate, s.
-        spread: distance of the places that counts as much as the last estimate of the slope, m.
-
-    Attributes:
-        slope: (2,) estimated rise per metre along x and y.
-    """
-
-    @checked
-    def __init__(self, gait: Gait, *, lag: float = 0.1, spread: float = 0.05) -> None:
-        super().__init__(gait, Plane(slope=0.0))
-        self._lag = checks.number("lag", lag, low=0.0)
-        self._spread = checks.number("spread", spread, low=1e-3, high=10.0)
-        self._record["terrain"]["level"] = 0
-        self._record["terrain"]["pieces"] = 1
-        self._record["terrain"]["profile"][0, 0] = (FAR_BEHIND, 0.0, 0.0)
-        self.slope: Vector = np.zeros(2)
-        self._forget()
-
-    def _forget(self) -> None:
-        feet = len(self.robot.feet)
-        self._places: Vector = np.full((feet, KEPT, 3), np.nan)
-        self._touched = np.zeros(feet, dtype=bool)
-        self._time = -1.0
-        self._height = 0.0
-        self.slope[:] = 0.0
-        self._write()
-
-    def observe(self, state: State) -> None:
-        """See :class:`~harpy_pin.gaits.gait.Gait`; takes up where feet touch the ground.
-
-        Raises:
-            InputError: it is no state of the robot.
-        """
-        state = as_state(state, self.robot)
-        place, force = state.foot_position, state.foot_force
-        if np.isfinite(place).all() and np.isfinite(force).all() and np.isfinite(state.t):
-            if state.t < self._time:
-                self._forget()
-            self._feel(place, force, float(state.t))
-        super().observe(state)
-
-    def _feel(self, place: Vector, force: Vector, t: float) -> None:
-        """Keep the places of feet that touch, and let the plane follow them."""
-        touching = force[:, 2] > LOADED * self.robot.mass * GRAVITY
-        landed = touching & ~self._touched
-        self._places[landed, 1:] = self._places[landed, :-1]
-        self._places[touching, 0] = place[touching]
-        self._touched = touching
-        known = self._places[np.isfinite(self._places).all(axis=2)]
-        span, self._time = max(t - self._time, 0.0) if self._time >= 0.0 else 0.0, t
-        if len(known) == 0:
-            return
-        middle = known.mean(axis=0)
-        around = known - middle
-        normal = around[:, :2].T @ around[:, :2] + self._spread**2 * np.eye(2)
-        slope = np.linalg.solve(
-            normal, around[:, :2].T @ around[:, 2] + self._spread**2 * self.slope
-        )
-        share = 1.0 - np.exp(-span / self._lag) if self._lag > 0.0 else 1.0
-        self.slope += share * (slope - self.slope)
-        self._height += share * (middle[2] - slope @ middle[:2] - self._height)
-        self._write()
-
-    def _write(self) -> None:
-        """The plane for the kernels."""
-        terrain = self._record["terrain"]
-        terrain["slope"][0] = self.slope
-        terrain["profile"][0, 0, 1] = self._height
-        if isinstance(self.gait, WalkingGait):
-            own = self.gait._record_["terrain"]
-            for name in ("level", "pieces", "slope", "profile"):
-                own[name] = terrain[name]
+        return self.gait.telemetry()
 
 
 def downhill(

@@ -16,7 +16,7 @@ from harpy_pin import checks
 from harpy_pin.arguments import checked
 from harpy_pin.errors import InputError
 from harpy_pin.gaits.fitting import standing_parameters
-from harpy_pin.gaits.gait import LONGEST, ClockGait, GaitTarget, GaitTargetRecord
+from harpy_pin.gaits.gait import LONGEST, ClockGait, GaitTargetRecord
 from harpy_pin.kernels import kernel
 from harpy_pin.model.ik import LEVEL, find_posture
 from harpy_pin.model.record import RecordOf, field, make_record, sized
@@ -92,8 +92,8 @@ class Staying(ClockGait):
     """Targets of a robot whose feet, if it has any, stay where they are.
 
     The body's target goes from its place to ``shift`` and back, over and over, smoothly and from
-    rest. At any time :meth:`move` sends it elsewhere. Nothing else changes it, so that controllers
-    may copy the gait (:func:`~harpy_pin.gaits.gait.own_target`); their copies move with it.
+    rest. At any time :meth:`move` sends it elsewhere. Nothing else changes it: the copies that
+    controllers take move with it.
 
     Attributes:
         step_duration: one second, so that measures per step are per second.
@@ -101,6 +101,8 @@ class Staying(ClockGait):
     """
 
     _kernel = _stay
+    double_support = 1.0
+    walks = False
 
     def __init__(
         self,
@@ -112,8 +114,8 @@ class Staying(ClockGait):
         shift_period: float,
         penetration_offset: float = 0.0,
     ) -> None:
-        self.robot = robot
-        self.step_duration, self.double_support = 1.0, 1.0
+        super().__init__(robot)
+        self.controller_parameters = standing_parameters(robot)
         self._q = q
         self._record = make_record(
             StayingRecord,
@@ -124,15 +126,7 @@ class Staying(ClockGait):
             shift_period=checks.number("shift_period", shift_period, low=0.0, strict=True),
             penetration_offset=checks.number("penetration_offset", penetration_offset, low=0.0),
         )
-        self.target = GaitTarget(len(feet))
         _stay.prepare(0.0, self._record, self.target._record_)
-
-    @property
-    def controller_parameters(self) -> dict[str, Any]:
-        """Settings of whole-body controllers: :func:`~harpy_pin.gaits.fitting.standing_parameters`
-        of the robot.
-        """
-        return standing_parameters(self.robot)
 
     def move(self, offset: ArrayLike, *, t: float, duration: float = 1.0) -> None:
         """Send the body to another place, from the time t on; it gets there at rest, and stays.
@@ -190,7 +184,7 @@ class Staying(ClockGait):
         }
 
 
-class Standing(Staying):
+class Standing(Staying, constant=True):
     """Targets of a robot that stands upright on all its feet, where a posture of its joints puts
     them.
 
@@ -209,8 +203,6 @@ class Standing(Staying):
         InputError: values out of their domains, no posture given where none is found, or a posture
             beyond the joints' limits, or whose feet are not on one level below the body.
     """
-
-    constant = True
 
     def __init__(
         self,
@@ -282,7 +274,7 @@ class Standing(Staying):
         return offset
 
 
-class Hovering(Staying):
+class Hovering(Staying, constant=True):
     """Targets of a robot that hovers above the world's origin and faces x.
 
     The body's target goes from its place to ``shift`` and back, over and over, smoothly and from
@@ -299,8 +291,6 @@ class Hovering(Staying):
     Raises:
         InputError: values out of their domains, or a robot with feet.
     """
-
-    constant = True
 
     def __init__(
         self,

@@ -222,7 +222,7 @@ def bezier(
 
 
 @fixed_arrays("stance_curve", "swing_curve")
-class StraightGait(ClockGait):
+class StraightGait(ClockGait, constant=True):
     """Targets of a walk (or of standing, at zero speed) for one robot.
 
     Args:
@@ -232,20 +232,18 @@ class StraightGait(ClockGait):
     Attributes:
         stance_curve: (5, 3) control points of a left stance foot, relative to the path and the
             body's height, m; the right foot mirrors y.
-        constant: it never changes, so that controllers may copy it
-            (:func:`~harpy_pin.gaits.gait.own_target`).
         swing_curve: (5, 3) control points of a left swing foot, relative to the same, m.
 
     Raises:
         InputError: the robot is no biped, or a foot target is out of its leg's reach.
     """
 
-    constant = True
     _kernel = _walk
 
     def __init__(self, robot: Robot, parameters: GaitParameters | None = None) -> None:
+        super().__init__(robot)
         self.geometry = two_legs(robot)
-        self.robot = robot
+        self.controller_parameters = tuned_parameters(robot)
         parameters = GaitParameters() if parameters is None else parameters
         self.parameters = p = checks.instance("parameters", parameters, GaitParameters)
         self.step_duration, self.double_support = p.step_duration, p.double_support
@@ -268,14 +266,8 @@ class StraightGait(ClockGait):
             curve[:, 1] = p.width
             curve[:, 2] -= p.height
         self.stance_curve[1:4, 2] -= p.penetration_offset
-        self.target = GaitTarget()
         self._kernel.prepare(0.0, self._record, self.target._record_)
         self._check_reach()
-
-    @property
-    def controller_parameters(self) -> dict[str, Any]:
-        """Settings of whole-body controllers, see :func:`tuned_parameters`."""
-        return tuned_parameters(self.robot)
 
     def describe(self) -> Mapping[str, Any]:
         """Parameters, for the log's metadata."""

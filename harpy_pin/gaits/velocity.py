@@ -15,9 +15,9 @@ from numpy.typing import ArrayLike
 
 from harpy_pin import checks
 from harpy_pin.errors import InputError, shown
+from harpy_pin.gaits.gait import Gait
 from harpy_pin.kernels import kernel
 from harpy_pin.kernels.record_view import read_only
-from harpy_pin.model.memory import KeepsViews
 from harpy_pin.model.record import RecordOf, Records, field, sized
 from harpy_pin.model.state import Vector
 
@@ -58,7 +58,7 @@ class VelocityRecord(RecordOf):
     refused: float = 0.0  # updates with a command that was not all numbers
 
 
-class FollowsVelocity(KeepsViews):
+class FollowsVelocity(Gait):
     """A gait that follows a velocity command, which may change at every tick.
 
     Its record is a :class:`VelocityRecord` that has ``walking``, too.

@@ -28,7 +28,6 @@ from harpy_pin.log.run_file import check_log, read_run, write_run
 if TYPE_CHECKING:
     import pandas
 
-    from harpy_pin.model.robot import Robot
 
 AXES = ("x", "y", "z")
 
@@ -181,23 +180,6 @@ class Run:
             writer.writerow(names)
             writer.writerows(rows)
             text.detach()
-
-    def to_mcap(self, path: str | Path, robot: Robot) -> None:
-        """Write an MCAP that Foxglove opens: frames, forces in their friction cones, URDF, joints
-        and sensors.
-
-        :func:`~harpy_pin.log.bag.read_log` reads it back. Cones are drawn on level ground.
-
-        Args:
-            path: of the file; one of that name is replaced.
-            robot: whose run it is.
-
-        Raises:
-            InputError: the extra ``mcap`` is not installed.
-        """
-        from harpy_pin.log.foxglove import write_mcap
-
-        write_mcap(self, robot, path)
 
 
 def describe_versions() -> dict[str, str]:

@@ -16,7 +16,7 @@ from __future__ import annotations
 import numpy as np
 
 from harpy_pin.kernels import kernel
-from harpy_pin.model.record import RecordOf, Records, make_record, sized
+from harpy_pin.model.record import RecordOf, sized
 from harpy_pin.model.state import Vector
 
 DEBOUNCE = 0.02
@@ -32,11 +32,6 @@ class SlipRecord(RecordOf):
     touchdown: Vector = sized("feet", 3)  # (feet, 3) where the present or last contact began, m
     before: Vector = sized("feet", 3)  # (feet, 3) where each foot was before the step, m
     away: Vector = sized("feet", fill=np.inf)  # (feet,) since the last touch, s
-
-
-def slip_record(feet: int) -> Records[SlipRecord]:
-    """A new :class:`SlipRecord`."""
-    return make_record(SlipRecord, {"feet": feet})
 
 
 @kernel

@@ -312,7 +312,11 @@ def _move_base(
     massive = {link.get("name") for link in links if link.find("inertial") is not None}
     base = model.frames[2].name
     while base not in massive:
-        below = [joint for joint in joints if joint.find("parent").get("link") == base]  # type: ignore[union-attr]
+        below = [
+            joint
+            for joint in joints
+            if joint.find("parent").get("link") == base  # type: ignore[union-attr]
+        ]
         if [joint.get("type") for joint in below] != ["fixed"]:
             break
         base = str(below[0].find("child").get("link"))  # type: ignore[union-attr]

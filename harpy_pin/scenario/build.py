@@ -21,8 +21,7 @@ import numpy as np
 
 from harpy_pin import checks
 from harpy_pin.errors import InputError, shown
-from harpy_pin.gaits.gait import Gait, check_gait
-from harpy_pin.gaits.standing import Hovering, Standing
+from harpy_pin.gaits.gait import Gait
 from harpy_pin.log.run import Run
 from harpy_pin.model.robot import heavier, load_harpy
 from harpy_pin.model.source import loaded_robot
@@ -120,10 +119,9 @@ def build(
         gait = scenario.gait.make(robot, scenario.felt_ground.stiffness)
         gait = _on_ground(gait, scenario.gait, scenario)
     else:
-        check_gait(gait)
-        walks = not isinstance(getattr(gait, "gait", gait), Standing | Hovering)
-        scenario = replace(scenario, ground=scenario.ground.fitted(gait.robot, walks=walks))
-        gait = gait if hasattr(gait, "terrain") else _on_ground(gait, Stand(), scenario)
+        robot = checks.instance("gait", gait, Gait).robot
+        scenario = replace(scenario, ground=scenario.ground.fitted(robot, walks=gait.walks))
+        gait = _on_ground(gait, Stand(), scenario) if gait.terrain is None else gait
     if scenario.robot != "harpy" and scenario.robot_name != gait.robot.name:
         message = (
             f"the gait is of '{gait.robot.name}', the scenario of '{scenario.robot_name}'; a "

@@ -3,9 +3,8 @@
 from harpy_pin.wbc.formulations import FORMULATIONS, make_problem
 from harpy_pin.wbc.problem import WholeBodyProblem
 from harpy_pin.wbc.program import QPSolution, QPSolver, QPStatus, QuadraticProgram
-from harpy_pin.wbc.solvers import SOLVERS, installed_solvers, make_solver
+from harpy_pin.wbc.solvers import SOLVERS, make_solver
 from harpy_pin.wbc.tasks.added import AddedTask, AddedTasks
-from harpy_pin.wbc.tasks.built_in import BuiltInTask, built_in_tasks
 from harpy_pin.wbc.tasks.task import (
     CentreOfMassTask,
     FootForceTask,
@@ -22,7 +21,6 @@ __all__ = [
     "SOLVERS",
     "AddedTask",
     "AddedTasks",
-    "BuiltInTask",
     "CentreOfMassTask",
     "FootForceTask",
     "FrameTask",
@@ -40,8 +38,6 @@ __all__ = [
     "WholeBodyStatus",
     "WholeBodyTargets",
     "WholeBodyWeights",
-    "built_in_tasks",
-    "installed_solvers",
     "make_problem",
     "make_solver",
 ]

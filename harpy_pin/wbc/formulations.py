@@ -5,17 +5,16 @@ from __future__ import annotations
 from harpy_pin import checks
 from harpy_pin.arguments import checked
 from harpy_pin.model.robot import Robot
-from harpy_pin.wbc.contact_force import ContactForceProblem
 from harpy_pin.wbc.full import FullProblem
 from harpy_pin.wbc.input_space import InputSpaceProblem
 from harpy_pin.wbc.problem import WholeBodyProblem
 from harpy_pin.wbc.weights import WholeBodyLimits, WholeBodyWeights
 
 FORMULATIONS: dict[str, type[WholeBodyProblem]] = {
-    kind.name: kind for kind in (FullProblem, InputSpaceProblem, ContactForceProblem)
+    kind.name: kind for kind in (FullProblem, InputSpaceProblem)
 }
 """``full`` has accelerations, contact forces and thrusts as variables, ``input_space`` thrusts and
-torques, and ``contact_force`` contact forces, for robots with a limb of its own for each foot.
+torques. :mod:`harpy_pin.contrib.contact_force` adds one in contact forces when it is imported.
 """
 
 

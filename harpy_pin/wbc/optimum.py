@@ -7,8 +7,8 @@ search begins with the limits that are entered at one end of their ranges, s fix
 whose multiplier pulls beyond it is left, one that is violated again is returned to, until there is
 none of either: then multipliers and limits are those of the optimum. Where the limits together ask
 for too much, the search begins again without any, and they enter one by one. Contacts may fix a
-torque, so that its ν has no compliance in K. So it yields by δ (ν − ν₀); ν₀ moves to where ν is and δ falls,
-until the term is nothing: the proximal point method.
+torque, so that its ν has no compliance in K. So it yields by δ (ν − ν₀); ν₀ moves to where ν is and
+δ falls, until the term is nothing: the proximal point method.
 
 **Tasks of momentum** add ½ ‖X y − h‖²_V, a function of y alone. By Woodbury's identity they change
 K and w:
@@ -91,8 +91,8 @@ def _find_root(n: NewtonRecord, multiplier: Vector) -> bool:
 
 @kernel
 def _exchange_limits(n: NewtonRecord, one: bool) -> bool:
-    """Leave limits whose multipliers pull beyond them, and return to those that are violated, all or
-    the first ``one``; whether there are any.
+    """Leave limits whose multipliers pull beyond them, and return to those that are violated: all,
+    or ``one``; whether there are any.
     """
     changed = False
     for k in range(n.limits):

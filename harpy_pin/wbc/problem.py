@@ -10,7 +10,7 @@
 Feet are contact points: point feet, and the corners of flat feet
 (:mod:`harpy_pin.model.flat_foot`), each with a force and a friction pyramid. Many forces at the
 corners of a flat foot have the same effect on the robot; the weight on contact forces makes the
-optimum the smallest of them. The tasks are those of :mod:`harpy_pin.wbc.tasks.built_in`.
+optimum the smallest of them.
 
 Dynamics and stance feet leave as many degrees of freedom as there are inputs. The formulations
 differ in what they keep as variables (:mod:`harpy_pin.wbc.formulations`). The sizes never change:
@@ -34,7 +34,6 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from harpy_pin import checks
 from harpy_pin.arguments import checked
 from harpy_pin.errors import InputError
 from harpy_pin.kernels import Kernel, kernel
@@ -46,12 +45,12 @@ from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
 from harpy_pin.wbc.program import QuadraticProgram
 from harpy_pin.wbc.targets import ProblemRecord, TargetsRecord, root_acceleration
-from harpy_pin.wbc.tasks.built_in import joint_weights
 from harpy_pin.wbc.weights import (
     WholeBodyLimits,
     WholeBodyTargets,
     WholeBodyWeights,
     check_terms,
+    joint_weights,
     thrust_box,
 )
 
@@ -126,7 +125,6 @@ class WholeBodyProblem(KeepsViews):
         weights: WholeBodyWeights | None = None,
         limits: WholeBodyLimits | None = None,
     ) -> None:
-        checks.instance("robot", robot, Robot)
         self.robot = robot
         self.weights = weights if weights is not None else WholeBodyWeights.for_robot(robot)
         self.limits = limits if limits is not None else WholeBodyLimits()

@@ -17,6 +17,7 @@ from harpy_pin.model.memory import KeepsViews, fixed_arrays
 from harpy_pin.model.record import Record, Records, field, make_record, same_layout
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
+from harpy_pin.model.tree import feet_moved
 from harpy_pin.wbc.targets import TargetsRecord
 
 MAX_FRICTION = 10.0
@@ -250,3 +251,15 @@ def targets_record(robot: Robot) -> Records[TargetsRecord]:
     """A new :class:`TargetsRecord`."""
     feet = len(robot.feet)
     return make_record(TargetsRecord, robot.sizes, force_range=np.tile((0.0, 1e4), (feet, 1)))
+
+
+def joint_weights(robot: Robot) -> list[str]:
+    """Name of the weight of each joint's acceleration: ``posture`` where it moves one foot, else
+    ``arms``.
+
+    A waist between the base and several feet holds no foot where it should be: with the small
+    weight of a leg nothing would hold it against the hips.
+    """
+    return [
+        "posture" if moved == 1 else "arms" for moved in feet_moved(robot.model, robot.feet)[2:]
+    ]

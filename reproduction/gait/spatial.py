@@ -26,7 +26,7 @@ SAMPLES = 301
 """Rows of the table of the body's own motion over two steps."""
 
 
-class SpatialGait(StraightGait):
+class SpatialGait(StraightGait, constant=True):
     """A planar gait for the walk in space.
 
     Feet follow the planar curves at a fixed width from the path; the body's target sways.
@@ -46,8 +46,6 @@ class SpatialGait(StraightGait):
         InputError: unknown reference, a target is out of reach, or the planar walk falls before it
             has settled.
     """
-
-    constant = True
 
     @checked
     def __init__(
@@ -107,7 +105,7 @@ class SpatialGait(StraightGait):
         return target
 
     def calls(self, state: State) -> None:
-        """See :class:`~harpy_pin.gaits.gait.Gait`: its targets are not those of the kernel
+        """See :meth:`~harpy_pin.gaits.gait.Gait.calls`: its targets are not those of the kernel
         alone.
         """
 

@@ -91,7 +91,7 @@ def test_command_line_errors_are_one_line(
 
 WITHOUT = """
 import contextlib, io, json, runpy, sys
-sys.modules |= dict.fromkeys(('pandas', 'jinja2', 'matplotlib'))
+sys.modules |= dict.fromkeys(('pandas', 'piqp', 'matplotlib'))
 done = []
 for arguments in json.loads(sys.argv[1]):
     sys.argv[1:], out, err, code = arguments, io.StringIO(), io.StringIO(), 0
@@ -112,7 +112,7 @@ def test_without_extras_there_is_the_help_and_what_is_missing_is_one_line() -> N
         command, cwd=ROOT, capture_output=True, text=True, timeout=600, check=True
     )
     *refused, (code, out, _), (_, of_slip, _) = json.loads(ended.stdout)
-    needed = "'pandas' and 'jinja2'"
+    needed = "'pandas' and 'piqp'"
     assert refused == 2 * [
         [1, "", f"error: the comparison needs {needed}: {install_line('compare')}\n"]
     ]

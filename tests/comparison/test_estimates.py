@@ -9,7 +9,7 @@ import pinocchio as pin
 
 import harpy_pin as hp
 from comparison.measure.estimates import complementary
-from harpy_pin.log.drift import off
+from harpy_pin.contrib.drift import off
 
 
 def test_it_follows_a_walk():

@@ -1,16 +1,14 @@
-"""The report: its answer, its page, that the CSV holds every number and every figure, and what
+"""The report: its answer, that the CSV holds every number and every figure, and what
 changed between two.
 """
 
 from __future__ import annotations
 
-import base64
 import copy
 import csv
 import io
 import json
 import re
-from html.parser import HTMLParser
 from pathlib import Path
 from typing import Any
 
@@ -23,8 +21,8 @@ from comparison.cli.results import ROOT, pages
 from comparison.contenders import CONTENDERS
 from comparison.report.answer import COLUMNS, answer_of
 from comparison.report.figures import pareto_figure, pareto_front
-from comparison.report.html import pareto_table, render, tables_of, write_report
 from comparison.report.pages import blocks_of, filled
+from comparison.report.report import pareto_table, tables_of, write_report
 from comparison.tables import Cell, Table, to_csv
 from harpy_pin import InputError
 from harpy_pin.files import OwnFolder
@@ -169,10 +167,10 @@ def test_the_answer_fits_the_terminal_whatever_the_numbers(document: dict[str, A
         changed = copy.deepcopy(document)
         for entry in changed["campaign"]["whole"].values():
             entry["walks"] = walks
-        lines = answer_of(changed).to_string("out/comparison/report.html").splitlines()
+        lines = answer_of(changed).to_string("out/comparison/results.csv").splitlines()
         assert len(lines) <= 25
         assert max(map(len, lines)) <= 80
-        assert lines[-1] == "Everything else: out/comparison/report.html"
+        assert lines[-1] == "Everything else: out/comparison/results.csv"
         assert not re.search(r"\x1b|…", "".join(lines))
 
 
@@ -200,32 +198,6 @@ def test_tables_for_a_terminal_never_break_a_cell() -> None:
     assert "absent: a reason that is far too long" in text
 
 
-def test_text_is_escaped_wherever_it_stands_on_the_page(
-    document: dict[str, Any], rendered: str
-) -> None:
-    evil = "<script>alert('&')</script><img src=x onerror=1>"
-    strange = copy.deepcopy(document)
-    strange["machine"]["cpu"] = evil
-    strange["versions"][evil] = evil
-    strange["limitations"].append(evil)
-    strange["growth"]["absent"][evil] = evil
-    pages = [Reader(rendered), Reader(render(strange))]
-    assert pages[1].text.count(evil) >= 6
-    assert "script" not in pages[1].tags
-    assert "onerror" not in pages[1].tags
-    extra = 4  # the row of the versions: <tr><td><td>, and an item of the limitations
-    assert len(pages[1].tags) == len(pages[0].tags) + extra
-
-
-def test_the_page_opens_with_the_answer(document: dict[str, Any], rendered: str) -> None:
-    found = answer_of(document)
-    page = Reader(rendered)
-    places = [page.text.index(sentence) for sentence in found.sentences]
-    assert places == sorted(places)
-    assert places[-1] < page.text.index("Cost and quality")
-    assert found.note in page.text
-
-
 def test_the_command_prints_the_answer_and_nothing_else(
     document: dict[str, Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -234,11 +206,11 @@ def test_the_command_prints_the_answer_and_nothing_else(
     assert done.exit_code == 0, done.output
     *lines, last, quick = done.stdout.splitlines()
     assert "no evidence" in quick
-    assert last == f"Everything else: {tmp_path / 'report.html'}"
+    assert last == f"Everything else: {tmp_path / 'results.csv'}"
     assert len(lines) < 25
     assert max(map(len, lines)) <= 80
     assert lines[0].startswith("The feet slip least with: ")
-    assert (tmp_path / "report.html").is_file()
+    assert (tmp_path / "results.csv").is_file()
     assert "\x1b" not in done.stdout
     assert done.stderr.strip() == ""
 
@@ -260,63 +232,7 @@ def document(whole_document: dict[str, Any]) -> dict[str, Any]:
     return whole_document
 
 
-@pytest.fixture(scope="module")
-def rendered(document: dict[str, Any]) -> str:
-    """Its page."""
-    return render(document)
-
-
-class Reader(HTMLParser):
-    """Tags, text, images and addresses of a page; checks that its tags are closed."""
-
-    def __init__(self, page: str) -> None:
-        super().__init__()
-        self.open: list[str] = []
-        self.tags: list[str] = []
-        self.text = ""
-        self.images: list[str] = []
-        self.addresses: list[str] = []
-        self.feed(page)
-        self.close()
-        assert self.open == []
-
-    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        self.tags += [tag, *(name for name, _ in attrs if name.startswith("on"))]
-        if tag not in ("meta", "img"):
-            self.open.append(tag)
-        self.images += [value or "" for name, value in attrs if name == "src"]
-        self.addresses += [value or "" for name, value in attrs if name == "href"]
-
-    def handle_endtag(self, tag: str) -> None:
-        assert self.open.pop() == tag
-
-    def handle_data(self, data: str) -> None:
-        self.text += data
-
-
-def test_the_page_needs_nothing_beside_it(document: dict[str, Any], rendered: str) -> None:
-    page = Reader(rendered)
-    assert len(page.images) == 2
-    for image in page.images:
-        kind, _, data = page.images[0].partition(",")
-        assert kind == "data:image/png;base64"
-        assert base64.b64decode(data).startswith(b"\x89PNG"), image
-    assert all(address.startswith("#") for address in page.addresses)
-    text = page.text
-    desired = ("whole-body QP", "no governor", "Growth", "Machine", document["machine"]["cpu"])
-    for part in (*desired, document["versions"]["pin"], *document["limitations"]):
-        assert part in text
-    assert "do not use" not in text
-
-
-def test_the_page_warns_of_times_that_were_not_verified(document: dict[str, Any]) -> None:
-    assert (
-        "do not use"
-        in Reader(render(document | {"checks": document["checks"] | {"passed": False}})).text
-    )
-
-
-def test_every_number_of_the_page_is_in_the_csv(document: dict[str, Any]) -> None:
+def test_every_number_is_in_the_csv(document: dict[str, Any]) -> None:
     """To the last bit, and at a place of its own."""
     cells = [(table.name, *cell) for table in tables_of(document) for cell in table.cells]
     heading, *lines = csv.reader(io.StringIO(to_csv(tables_of(document))))
@@ -368,16 +284,14 @@ def test_labels_of_the_pareto_figure_do_not_cover_each_other() -> None:
         assert not any(box.overlaps(other) for other in boxes[:i])
 
 
-def test_the_report_is_three_files(document: dict[str, Any], rendered: str, tmp_path: Path) -> None:
+def test_the_report_is_two_files(document: dict[str, Any], tmp_path: Path) -> None:
     write_report(OwnFolder(tmp_path), document)
     assert sorted(p.name for p in tmp_path.iterdir()) == [
         OwnFolder.LIST,
-        "report.html",
         "results.csv",
         "results.json",
     ]
     assert json.loads((tmp_path / "results.json").read_text()) == json.loads(json.dumps(document))
-    assert (tmp_path / "report.html").read_text(encoding="utf-8") == rendered
 
 
 def test_every_row_and_column_that_pages_name_is_printed(whole_document: dict[str, Any]) -> None:

@@ -16,8 +16,9 @@ from comparison.measure.timing import Bench, TimingSettings
 from comparison.measure.walking import record_states, recorded_walk
 from comparison.sections import growth, ticks
 from comparison.sections.ticks import make_all
+from harpy_pin.contrib.solvers import SOLVERS
 from harpy_pin.model import catalogue
-from harpy_pin.wbc import FORMULATIONS, SOLVERS
+from harpy_pin.wbc import FORMULATIONS
 
 BY_PYTHON = {"wbc", "wbc/daqp", "wbc/contact_force"}
 """Contenders whose solver is a module of Python."""

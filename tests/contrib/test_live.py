@@ -209,7 +209,8 @@ def is_foreign(url: str, drive: Drive) -> bool:
 
 def number_of(page: Any, label: str) -> Any:
     """The field of numbers beside a slider."""
-    row = f"xpath=//label[normalize-space(.)='{label}']/ancestor::div[contains(@class,'mantine-Flex-root')][1]"
+    above = "ancestor::div[contains(@class,'mantine-Flex-root')][1]"
+    row = f"xpath=//label[normalize-space(.)='{label}']/{above}"
     return page.locator(f"{row}//input[@inputmode='decimal']")
 
 

@@ -147,7 +147,7 @@ def test_what_is_given_comes_before_the_gaits_and_the_gaits_before_the_robots() 
     ):
         with pytest.raises(InputError, match=message):
             WholeBodyParameters.for_gait(gait, **bad)
-    with pytest.raises(InputError, match="a gait needs"):
+    with pytest.raises(InputError, match="must be a Gait"):
         WholeBodyParameters.for_gait(ROBOT)  # type: ignore[arg-type]
 
 

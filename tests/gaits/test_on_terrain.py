@@ -15,7 +15,8 @@ from needs import PLANTS, needs_mujoco, needs_robots
 from walks import slip_per_step, walked
 
 import harpy_pin as hp
-from harpy_pin.gaits.on_terrain import FRICTION_SHARE, OnFeltGround, OnTerrain
+from harpy_pin.contrib.felt_ground import OnFeltGround
+from harpy_pin.gaits.on_terrain import FRICTION_SHARE, OnTerrain
 from harpy_pin.gaits.terrain_targets import RADIUS, STEEPEST, way_over
 from harpy_pin.ground.terrain import Plane, Ramp, Rough, Stairs
 from harpy_pin.log.measures import measure

@@ -2,6 +2,8 @@
 is refused.
 """
 
+import copy
+import pickle
 from dataclasses import replace
 
 import numpy as np
@@ -10,6 +12,7 @@ from walks import assert_same
 
 import harpy_pin as hp
 from harpy_pin.gaits import GaitTarget
+from harpy_pin.gaits.gait import own_target
 
 ROBOT = hp.load_harpy()
 EXACT = {
@@ -27,11 +30,12 @@ CONTROLLERS = {
 }
 
 
-class Wrapped:
+class Wrapped(hp.Gait):
     """Passes on what a wrapper has to, and nothing else."""
 
     def __init__(self, inner):
-        self.inner, self.robot = inner, inner.robot
+        super().__init__(inner.robot)
+        self.inner = inner
         self.step_duration, self.double_support = inner.step_duration, inner.double_support
         self.controller_parameters = inner.controller_parameters
 
@@ -51,11 +55,14 @@ class Fresh(Wrapped):
         return target
 
 
-class Bare:
-    """Three members alone."""
+class Bare(hp.Gait):
+    """Two methods alone."""
 
     def __init__(self, inner):
-        self.robot, self.update, self.initial_state = inner.robot, inner.update, inner.initial_state
+        super().__init__(inner.robot)
+        self.inner = inner
+
+    update, initial_state = Wrapped.update, Wrapped.initial_state
 
 
 @pytest.mark.parametrize("name", CONTROLLERS)
@@ -82,11 +89,29 @@ def test_wrapper_of_a_commanded_gait_turns():
 
 
 @pytest.mark.parametrize("controller", ["governed", "wbc", "condensed"])
-def test_three_members_are_enough(controller):
+def test_two_methods_are_enough(controller):
     run = hp.walk(hp.Scenario(controller=controller, duration=0.3), gait=Bare(hp.make_gait(ROBOT)))
     assert run.ending == "completed"
     assert run.metadata["parameters"]["gait"] == {"gait": "Bare", "step_duration": 1.0}
     assert run.metadata["own"] == ["gait"]
+
+
+def test_a_copy_has_targets_of_its_own():
+    gait = hp.OnTerrain(Bare(hp.make_gait(ROBOT)), hp.ground.Plane(slope=0.1))
+    for other in (copy.copy(gait), pickle.loads(pickle.dumps(gait))):
+        expected = gait.update(0.3).body.copy()
+        np.testing.assert_array_equal(other.update(0.3).body, expected)
+        other.update(1.0)
+        np.testing.assert_array_equal(gait.target.body, expected)
+
+
+def test_only_a_class_that_says_so_never_changes():
+    class Steered(hp.gaits.StraightGait):
+        pass
+
+    steered, straight = Steered(ROBOT), hp.make_gait(ROBOT)
+    assert own_target(steered) is steered
+    assert own_target(straight).target is not straight.target
 
 
 @pytest.mark.parametrize("controller", ["governed", "wbc", "condensed"])
@@ -107,8 +132,10 @@ def test_what_is_no_gait_is_refused(controller):
 
     straight = hp.make_gait(ROBOT)
     scenario = hp.Scenario(controller=controller, duration=0.1)
-    with pytest.raises(hp.InputError, match="SimpleRobot has no update, initial_state"):
+    with pytest.raises(hp.InputError, match=r"must be a Gait, got .*SimpleRobot"):
         hp.make_controller(controller, type("SimpleRobot", (), {"robot": ROBOT})(), mu=0.5)
+    with pytest.raises(TypeError, match="abstract"):
+        type("Still", (hp.Gait,), {"update": Wrapped.update})(ROBOT)
     for kind, words in (
         (Mute, "must return a GaitTarget of 2 feet, got NoneType"),
         (Quadruped, "of 2 feet, got one of 4"),

@@ -62,7 +62,8 @@ def test_nothing_is_compiled_at_import(tmp_path):
     script = """
 import sys
 sys.modules["ziglang"] = None
-import harpy_pin.scenario, harpy_pin.controllers.condensed, harpy_pin.simulation.mujoco, harpy_pin.contrib.gym
+import harpy_pin.scenario, harpy_pin.controllers.condensed
+import harpy_pin.simulation.mujoco, harpy_pin.contrib.gym
 from harpy_pin.kernels import compiler, library_files
 assert compiler.compiler() is None and not library_files.MADE
 """

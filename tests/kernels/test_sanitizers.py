@@ -19,7 +19,8 @@ import sys
 from functools import partial
 import harpy_pin.kernels
 from harpy_pin.kernels import compiler
-compiler.FLAGS = (*compiler.FLAGS, "-O0")  # instrumented before it is optimised; a tenth of the time to compile
+# Instrumented before it is optimised; a tenth of the time to compile.
+compiler.FLAGS = (*compiler.FLAGS, "-O0")
 module = sys.modules["harpy_pin.kernels.kernels"]
 module.entry_code = partial(module.entry_code, debug=True)
 sys.path.insert(0, sys.argv[1])

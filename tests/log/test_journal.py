@@ -289,7 +289,8 @@ KILLS = """
     simulator.reset(simulator.q, simulator.v)
     simulator.advance = lambda command, pushes=(), *, steps=1: None
     q, v = simulator.q, simulator.v
-    shared = np.frombuffer(mmap.mmap(-1, 8), np.int64)  # written at once: a kill leaves the old or the new number
+    # Written at once: a kill leaves the old or the new number.
+    shared = np.frombuffer(mmap.mmap(-1, 8), np.int64)
     class Counting:
         period, tick = 1e-3, 0
         def step(self, state):

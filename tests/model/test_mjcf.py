@@ -155,13 +155,16 @@ def dog(*changes, body="", leg="", sections="", base="", feet=True):
     for name, x, y in (("FL", 0.2, 0.1), ("FR", 0.2, -0.1), ("RL", -0.2, 0.1), ("RR", -0.2, -0.1)):
         foot = f'<geom name="{name}" size="0.02" pos="0 0 -0.21" density="0"/>'
         foot += f'<site name="{name}_foot" pos="0 0 -0.21"/>' if feet else ""
-        text += f"""<body name="{name}_hip" pos="{x} {y} 0"><joint name="{name}_hip" axis="1 0 0" range="-40 40"/>
+        text += f"""<body name="{name}_hip" pos="{x} {y} 0">
+          <joint name="{name}_hip" axis="1 0 0" range="-40 40"/>
           <inertial pos="0 0 0" mass="0.7" diaginertia="0.001 0.001 0.001"/>
-          <body name="{name}_thigh" pos="0 {0.8 * y} 0"><joint name="{name}_thigh" axis="0 1 0" range="-90 150"/>
+          <body name="{name}_thigh" pos="0 {0.8 * y} 0">
+            <joint name="{name}_thigh" axis="0 1 0" range="-90 150"/>
             <inertial pos="0 0 -0.05" mass="1" diaginertia="0.005 0.005 0.001"/>
             <body name="{name}_calf" pos="0 0 -0.21">
               <joint name="{name}_calf" axis="0 1 0" range="-150 -20"{leg}/>
-              <inertial pos="0 0 -0.1" mass="0.3" diaginertia="0.002 0.002 0.0001"/>{foot}</body></body></body>"""
+              <inertial pos="0 0 -0.1" mass="0.3" diaginertia="0.002 0.002 0.0001"/>{foot}
+            </body></body></body>"""
     text = f"<mujoco><worldbody>{text}</body></worldbody>{sections}</mujoco>"
     for old, new in changes:
         assert old in text
@@ -522,7 +525,8 @@ def leg(foot, joints=6, assets=""):
         f'axis="{axes[k % 3]}"/>{inertia}'
         for k in range(joints)
     )
-    base = f'<body name="base"><freejoint/>{PAYLOAD.format(5)}{bodies}{foot}{"</body>" * joints}</body>'
+    leg = f"{bodies}{foot}{'</body>' * joints}"
+    base = f'<body name="base"><freejoint/>{PAYLOAD.format(5)}{leg}</body>'
     text = f"<mujoco><asset>{assets}</asset><worldbody>{base}</worldbody></mujoco>"
     return mujoco.MjModel.from_xml_string(text)
 

@@ -31,14 +31,16 @@ def hexarotor(folder, tilt):
     links, rotors = "", []
     for k, angle in enumerate(angles):
         place = f"{ARM * np.cos(angle)} {ARM * np.sin(angle)} 0"
-        links += f"""<link name="rotor_{k}"/><joint name="mount_{k}" type="fixed"><parent link="base"/>
+        links += f"""<link name="rotor_{k}"/>
+            <joint name="mount_{k}" type="fixed"><parent link="base"/>
             <child link="rotor_{k}"/><origin xyz="{place}" rpy="0 0 {angle}"/></joint>"""
         side = (-1.0) ** k
         axis = (0.0, -side * np.sin(tilt), np.cos(tilt))  # y goes around, in the mount's own frame
         rotors.append(hp.Rotor(f"rotor_{k}", axis=axis, limit=LIMIT, drag=side * DRAG))
     path = folder / f"hexarotor_{tilt}.urdf"
     path.write_text(f"""<robot name="hexarotor"><link name="base"><inertial><mass value="{MASS}"/>
-        <inertia ixx="0.02" ixy="0" ixz="0" iyy="0.02" iyz="0" izz="0.035"/></inertial></link>{links}</robot>""")
+        <inertia ixx="0.02" ixy="0" ixz="0" iyy="0.02" iyz="0" izz="0.035"/></inertial></link>
+        {links}</robot>""")
     return hp.load_robot(path, feet=(), rotors=rotors)
 
 

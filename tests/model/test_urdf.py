@@ -295,9 +295,8 @@ def test_inertia_is_judged_by_what_moves_together(tmp_path):
         .replace('iyy="1"', 'iyy="10"')
     )
     path = tmp_path / "camera.urdf"
-    path.write_text(
-        f'<robot name="r">{link("base", base)}{link("camera", camera)}{joint("j", "base", "camera")}</robot>'
-    )
+    both = link("base", base) + link("camera", camera) + joint("j", "base", "camera")
+    path.write_text(f'<robot name="r">{both}</robot>')
     assert load_robot(path, feet=()).mass == 11.0
     path.write_text(f'<robot name="r">{link("camera", camera)}</robot>')
     with pytest.warns(UserWarning, match="larger than the sum"):
@@ -390,9 +389,10 @@ def test_the_base_is_the_first_link_that_is_something(robot, tmp_path):
     """
     name = '<robot name="harpy">'
     roots = """<link name="base_footprint"/><link name="stand"/>
-      <joint name="a" type="fixed"><parent link="base_footprint"/><child link="stand"/><origin xyz="0 0 0.2"/></joint>
-      <joint name="b" type="fixed"><parent link="stand"/><child link="base"/><origin xyz="0 0.1 0.3" rpy="0 0 0.5"/>
-      </joint>"""
+      <joint name="a" type="fixed"><parent link="base_footprint"/><child link="stand"/>
+        <origin xyz="0 0 0.2"/></joint>
+      <joint name="b" type="fixed"><parent link="stand"/><child link="base"/>
+        <origin xyz="0 0.1 0.3" rpy="0 0 0.5"/></joint>"""
     path = own(robot, tmp_path, (name, name + roots))
     with_roots = hp.load_robot(path, feet=robot.feet, thrusters=robot.thrusters)
     for i, body in enumerate(robot.model.inertias):
@@ -469,8 +469,10 @@ def test_a_moving_mass_without_inertia_is_said(robot, tmp_path):
         hp.load_robot(path, feet=robot.feet)
 
 
-XACRO = """<robot name="harpy" xmlns:xacro="http://www.ros.org/wiki/xacro"><xacro:property name="half" value="{half}"/>
-  <xacro:macro name="body" params="name"><link name="${{name}}"><inertial><mass value="${{2 * half}}"/>
+XACRO = """<robot name="harpy" xmlns:xacro="http://www.ros.org/wiki/xacro">
+  <xacro:property name="half" value="{half}"/>
+  <xacro:macro name="body" params="name">
+    <link name="${{name}}"><inertial><mass value="${{2 * half}}"/>
     <inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial></link></xacro:macro>
   <xacro:body name="base"/></robot>"""
 

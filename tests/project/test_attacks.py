@@ -52,7 +52,7 @@ def together(work, count=3):
 
 
 @pytest.mark.parametrize(
-    "controller", ["condensed", "wbc", {"name": "wbc", "solver": "quadprog"}], ids=str
+    "controller", ["condensed", "wbc", {"name": "wbc", "solver": "daqp"}], ids=str
 )
 def test_a_tick_waits_for_that_of_another_thread(controller):
     """Of a controller whose gait is Python in its first ticks, and with another solver in all."""

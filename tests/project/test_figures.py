@@ -37,7 +37,8 @@ def ratio(above: str, below: str, place: str = "") -> str:
 
 def solve(how: str, digits: int) -> str:
     """The place of the median of a solve over that of the governor's update."""
-    return f"{{{TIMING}|solve, {how}|median / {TIMING}|update of the paper's governor|median|{digits}}}"
+    update = f"{TIMING}|update of the paper's governor|median"
+    return f"{{{TIMING}|solve, {how}|median / {update}|{digits}}}"
 
 
 OF_QP, OF_QP_C = ratio(LAW, ACTIVE), ratio(LAW, ACTIVE, "inside C, ")

@@ -12,14 +12,8 @@ from pathlib import Path
 import pytest
 
 from harpy_pin import InputError, RunFileError
-from harpy_pin.files import (
-    Shield,
-    check_outputs,
-    check_writable,
-    replacing,
-    without_interrupts,
-    write_json,
-)
+from harpy_pin.contrib.interrupts import without_interrupts
+from harpy_pin.files import Shield, check_outputs, check_writable, replacing, write_json
 
 ROOT = Path(__file__).resolve().parents[2]
 

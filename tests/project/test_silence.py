@@ -18,12 +18,11 @@ from walks import started
 import harpy_pin as hp
 from harpy_pin.contrib.batch import CondensedBatch
 from harpy_pin.contrib.shield import Shield
+from harpy_pin.contrib.solvers import SOLVERS
 from harpy_pin.controllers.governed import FrictionEstimator
-from harpy_pin.gaits.gait import CompletedGait
 from harpy_pin.kernels import compiler, kernel, library_files
 from harpy_pin.model.catalogue import installed_data
 from harpy_pin.model.entry import MAX_SAMPLE
-from harpy_pin.wbc import installed_solvers
 
 needs_fork = pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork")
 
@@ -106,20 +105,20 @@ def test_function_of_a_command_may_return_any_three_numbers(robot):
     assert gait.refused == 1
 
 
-class Own:
+class Own(hp.Gait):
     """A gait of one's own whose targets are assigned, not written in place."""
 
     def __init__(self, robot, height):
-        self.robot, self.inner, self.height = robot, hp.make_gait(robot, speed=0.0), height
-        self.targets = hp.GaitTarget(2)
+        super().__init__(robot)
+        self.inner, self.height = hp.make_gait(robot, speed=0.0), height
 
     def update(self, t):
         given = self.inner.update(t)
         body = given.body.copy()
         body[2] = self.height
-        self.targets.body = body
-        self.targets.foot_position, self.targets.stance = given.foot_position, given.stance
-        return self.targets
+        self.target.body = body
+        self.target.foot_position, self.target.stance = given.foot_position, given.stance
+        return self.target
 
     def initial_state(self, *, penetration=0.0):
         return self.inner.initial_state(penetration=penetration)
@@ -133,7 +132,7 @@ def test_assigned_targets_are_followed(robot, state, name):
         commands.append(np.append(command.torque, command.thrust))
     assert not np.allclose(*commands)
     with pytest.raises(hp.InputError, match="body must"):
-        CompletedGait(Own(robot, 0.6)).target.body = np.zeros(3)
+        Own(robot, 0.6).target.body = np.zeros(3)
 
 
 @pytest.mark.parametrize("value", [np.nan, np.inf, 1.01 * MAX_SAMPLE, -1e300])
@@ -279,7 +278,7 @@ class Zero:
 
 @pytest.mark.parametrize("formulation", ["input_space", "full", "contact_force"])
 def test_range_on_a_row_of_zeros_is_hard(robot, state, formulation):
-    for solver in installed_solvers():
+    for solver in SOLVERS:
         parameters = {"solver": solver, "formulation": formulation}
         controller = hp.make_controller("wbc", hp.make_gait(robot), mu=0.3, **parameters)
         task = Zero()

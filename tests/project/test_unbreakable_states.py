@@ -15,7 +15,8 @@ from needs import needs_robots
 from random_states import draw
 
 import harpy_pin as hp
-from harpy_pin.wbc import FORMULATIONS, installed_solvers
+from harpy_pin.contrib.solvers import SOLVERS
+from harpy_pin.wbc import FORMULATIONS
 from harpy_pin.wbc.active_set import EXCHANGES
 from harpy_pin.wbc.active_set_warm_start import WarmStartedActiveSet
 from harpy_pin.wbc.program import ACCEPTED
@@ -27,11 +28,7 @@ MORE = {
     "wbc": ("wbc", {"solver": "active_set"}),
     "wbc, ProxQP": ("wbc", {}),
 }
-QPS = {
-    f"{a}, {b}": ("wbc", {"formulation": a, "solver": b})
-    for a in FORMULATIONS
-    for b in installed_solvers()
-}
+QPS = {f"{a}, {b}": ("wbc", {"formulation": a, "solver": b}) for a in FORMULATIONS for b in SOLVERS}
 """Formulations of the whole-body QP with every solver."""
 CASES = [("harpy", name) for name in CONTROLLERS | MORE]
 CASES += [

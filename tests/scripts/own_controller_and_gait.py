@@ -28,16 +28,14 @@ class Legs:
         return hp.Command(torque, np.zeros((2, 3)))
 
 
-class Bow:
+class Bow(hp.Gait):
     """Stands, and lowers the body a little."""
 
-    step_duration = 1.0
     double_support = 1.0
 
     def __init__(self, robot: hp.Robot) -> None:
-        self.robot = robot
+        super().__init__(robot)
         self.inner = hp.make_gait(robot, speed=0.0)
-        self.target = hp.gaits.GaitTarget(len(robot.feet))
 
     def update(self, t: float) -> hp.gaits.GaitTarget:
         inner = self.inner.update(t)

@@ -38,7 +38,8 @@ POLE = """<robot name="pole">
   <link name="base"><inertial><mass value="2"/>
     <inertia ixx="0.02" ixy="0" ixz="0" iyy="0.02" iyz="0" izz="0.01"/></inertial></link>
   <link name="tip"/>
-  <joint name="tip_fixed" type="fixed"><origin xyz="0 0 -0.4"/><parent link="base"/><child link="tip"/></joint>
+  <joint name="tip_fixed" type="fixed"><origin xyz="0 0 -0.4"/>
+    <parent link="base"/><child link="tip"/></joint>
 </robot>"""
 """A body that stands on a point 0.4 m below its centre of mass."""
 

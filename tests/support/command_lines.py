@@ -107,5 +107,6 @@ def run_line(line: list[str]) -> tuple[int | str | None, str, str]:
             code = ending.code or 0
         except Accepted:
             pass
-    said, told = (stream.buffer.getvalue().decode() for stream in (out, err))  # type: ignore[attr-defined]
+    buffers = (stream.buffer for stream in (out, err))
+    said, told = (buffer.getvalue().decode() for buffer in buffers)  # type: ignore[attr-defined]
     return code, said, told

@@ -1,4 +1,4 @@
-"""Gaits as a user would write them: three members, and nothing that says which settings fit."""
+"""Gaits as a user would write them: two methods, and nothing that says which settings fit."""
 
 from __future__ import annotations
 
@@ -20,13 +20,14 @@ DEEPER = 0.002
 """How far below the ground feet aim, m."""
 
 
-class OwnGait:
+class OwnGait(hp.Gait):
     """Stands, sways to a side, or, on four feet, trots in place, in the posture in which its robot
     stands.
     """
 
     def __init__(self, robot: hp.Robot, kind: str) -> None:
-        self.robot, self.kind = robot, kind
+        super().__init__(robot)
+        self.kind = kind
         self._q, self._v = hp.Standing(robot).initial_state()
         data = robot.model.createData()
         pin.framesForwardKinematics(robot.model, data, self._q)
@@ -34,7 +35,7 @@ class OwnGait:
             np.array([data.oMf[robot.frame_id(name)].translation for name in robot.feet])
             - self._q[:3]
         )
-        self._height, self._target = float(self._q[2]), hp.GaitTarget(len(robot.feet))
+        self._height = float(self._q[2])
         self._step = STEP * np.sqrt(self._height / GRAVITY)
         front, left = self._feet[:, 0] > self._feet[:, 0].mean(), self._feet[:, 1] > 0.0
         self._group = (front ^ left).astype(int)
@@ -45,7 +46,7 @@ class OwnGait:
         return q, self._v.copy()
 
     def update(self, t: float) -> hp.GaitTarget:
-        o, rate = self._target, np.pi / SHIFT_PERIOD
+        o, rate = self.target, np.pi / SHIFT_PERIOD
         o.body[:] = o.heading[:] = 0.0
         o.body[2], o.heading[0] = self._height, -self.robot.facing
         if self.kind == "sway":
@@ -65,7 +66,7 @@ class OwnGait:
         return o
 
     def _lift(self, swing: np.ndarray, u: float) -> None:
-        o, peak, duration = self._target, 64.0 * CLEARANCE * self._height, (1.0 - BOTH) * self._step
+        o, peak, duration = self.target, 64.0 * CLEARANCE * self._height, (1.0 - BOTH) * self._step
         w, slope = u * (1.0 - u), 1.0 - 2.0 * u
         o.foot_position[swing, 2] += peak * w**3
         o.foot_velocity[swing, 2] += 3.0 * peak * w**2 * slope / duration
@@ -74,13 +75,21 @@ class OwnGait:
         o.world_frame_blend[swing] = np.clip((u - 0.4) / 0.3, 0.0, 1.0)
 
 
-class Wrapped:
+class Wrapped(hp.Gait):
     """Another gait, without what it says of controllers."""
 
     def __init__(self, inner: hp.Gait) -> None:
-        self.inner, self.robot = inner, inner.robot
-        self.update, self.initial_state = inner.update, inner.initial_state
-        self.observe = getattr(inner, "observe", None)
+        super().__init__(inner.robot)
+        self.inner = inner
+
+    def observe(self, state: hp.State) -> None:
+        self.inner.observe(state)
+
+    def update(self, t: float) -> hp.GaitTarget:
+        return self.inner.update(t)
+
+    def initial_state(self, *, penetration: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
+        return self.inner.initial_state(penetration=penetration)
 
 
 def scaled(robot: hp.Robot, *, mass: float, length: float) -> hp.Robot:

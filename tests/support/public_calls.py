@@ -313,13 +313,7 @@ MADE_BY_THE_LIBRARY = (
     *("export.Exportable", "export.Exported", "contrib.power.Power"),
     *("governors.GovernorStatus", "contrib.shield.ShieldAnswer", "model.IKResult", "Robot"),
     *("wbc.QPSolution", "scenario.Walk", "Interrupted"),
-    *(
-        "model.CatalogueRobot",
-        "model.KnownRobot",
-        "wbc.AddedTask",
-        "simulation.mujoco.Conventions",
-        "wbc.BuiltInTask",
-    ),
+    *("model.CatalogueRobot", "model.KnownRobot", "wbc.AddedTask", "simulation.mujoco.Conventions"),
     "MujocoBridge",
 )
 """Classes whose objects users get and do not make."""
@@ -331,7 +325,7 @@ BASES = (
         "scenario.PlantPart",
         "simulation.Plant",
     ),
-    *("wbc.WholeBodyProblem", "wbc.QPSolver"),
+    *("Gait", "wbc.WholeBodyProblem", "wbc.QPSolver"),
 )
 """Classes that others are derived from; those are attacked."""
 NOT_CALLED = {

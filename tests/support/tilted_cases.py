@@ -18,13 +18,13 @@ LOAD = 20.0
 """Measured on a foot that is held, along its normal, N."""
 
 
-class GivenTargets:
+class GivenTargets(hp.Gait):
     """A gait that has the targets that it was given."""
 
-    step_duration, double_support = 1.0, 1.0
+    double_support = 1.0
 
     def __init__(self, robot: hp.Robot = ROBOT) -> None:
-        self.robot, self.target = robot, GaitTarget(len(robot.feet))
+        super().__init__(robot)
 
     def update(self, t: float) -> GaitTarget:
         return self.target

@@ -102,7 +102,8 @@ def seen(page: Any) -> np.ndarray[Any, np.dtype[np.int64]]:
 
 def node(path: str) -> str:
     """Script for an object of the scene."""
-    return f"replay.scenes[0].viewer.scene_tree.find(['meshcat','walk',{','.join(map(repr, path.split('/')))}]).object"
+    parts = ["meshcat", "walk", *path.split("/")]
+    return f"replay.scenes[0].viewer.scene_tree.find({parts}).object"
 
 
 def test_page_loads_nothing_and_opens_paused_at_its_moment(page: Any, address: str) -> None:
@@ -251,7 +252,8 @@ LAYOUT = """(() => {
   }
   const some = "#bar > *, #key > *, .chart p > *, figcaption > *, #scores th, #scores td";
   const words = [...document.querySelectorAll(some)]
-    .filter((e) => e.offsetParent !== null).map((e) => e.getBoundingClientRect()).map((b) => [b.left, b.right]);
+    .filter((e) => e.offsetParent !== null)
+    .map((e) => e.getBoundingClientRect()).map((b) => [b.left, b.right]);
   const panes = [...document.querySelectorAll(".pane")].map((pane) => {
     const b = pane.getBoundingClientRect();
     let free = 0, all = 0;
@@ -263,7 +265,8 @@ LAYOUT = """(() => {
     }
     return [b.width, b.height, free / all];
   });
-  return { boxes, words, panes, wide: document.documentElement.scrollWidth, width: innerWidth, height: innerHeight };
+  const wide = document.documentElement.scrollWidth;
+  return { boxes, words, panes, wide, width: innerWidth, height: innerHeight };
 })()"""
 
 

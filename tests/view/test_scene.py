@@ -131,13 +131,16 @@ def test_a_run_under_a_gait_of_ones_own_is_viewed(tmp_path):
     from harpy_pin.view import write_html
     from harpy_pin.view.identity import robot_of
 
-    class Slower:
+    class Slower(hp.Gait):
         def __init__(self, inner):
-            self.inner, self.robot = inner, inner.robot
-            self.initial_state = inner.initial_state
+            super().__init__(inner.robot)
+            self.inner = inner
 
         def update(self, t):
             return self.inner.update(0.5 * t if t < 2.0 else t - 1.0)
+
+        def initial_state(self, *, penetration=0.0):
+            return self.inner.initial_state(penetration=penetration)
 
     gait = Slower(hp.make_gait(hp.load_harpy()))
     run = hp.walk(hp.Scenario(controller="condensed", duration=0.1), gait=gait)

@@ -223,7 +223,8 @@ def flat_footed(robot, tmp_path_factory):
         for i, (x, y) in enumerate([(0.04, 0.02), (0.04, -0.02), (-0.04, 0.02), (-0.04, -0.02)]):
             name = f"{side}_corner_{i}"
             names.append(name)
-            links += f'''<link name="{name}"/><joint name="{name}_fixed" type="fixed"><parent link="{side}_foot"/>
+            links += f'''<link name="{name}"/>
+                <joint name="{name}_fixed" type="fixed"><parent link="{side}_foot"/>
                 <child link="{name}"/><origin xyz="{x} {y} 0"/></joint>'''
     path = tmp_path_factory.mktemp("flat") / "flat.urdf"
     path.write_text(robot.urdf.read_text().replace("</robot>", links + "</robot>"))

@@ -1,8 +1,22 @@
 """The tasks that every problem has: the compiled objective is that of the same classes that users
 add.
+
+| weight | task | when |
+|---|---|---|
+| ``body`` | ``FrameTask`` of the base, position | always |
+| ``orientation`` | ``FrameTask`` of the base, orientation, local axes | always |
+| ``swing`` | ``FrameTask`` of a foot, position | the foot is in swing |
+| ``posture``, ``arms`` | ``JointTask`` of a joint that moves one foot, or of another one | always |
+| ``force`` | ``FootForceTask`` of a foot, towards zero | the foot is in stance |
+
+Where the targets say so, the horizontal part of ``body`` is ``CentreOfMassTask``. A foot in stance
+has the ``FrameTask`` of its position as a constraint: its error is zero. The weight ``thrust`` is
+on the inputs themselves, which are no part of x = [a; f].
 """
 
 from __future__ import annotations
+
+from collections.abc import Iterator
 
 import numpy as np
 import pinocchio as pin
@@ -13,12 +27,39 @@ from hypothesis import strategies as st
 from needs import needs_robots
 
 import harpy_pin as hp
-from harpy_pin.wbc import WholeBodyTargets, WholeBodyWeights, built_in_tasks, make_problem
+from harpy_pin.wbc import Task, WholeBodyTargets, WholeBodyWeights, make_problem
+from harpy_pin.wbc.weights import joint_weights
 
 WEIGHTS = WholeBodyWeights(
     body=1.5, orientation=0.2, swing=3.0, posture=0.3, arms=0.7, thrust=5e-3, force=1e-3
 )
 HARPY = hp.load_harpy()
+
+
+def built_in_tasks(
+    robot: hp.Robot, targets: WholeBodyTargets, held: np.ndarray
+) -> Iterator[tuple[float, Task]]:
+    """Weight and task of each entry of the table, towards the targets."""
+    base, share = robot.model.names[1], targets.joint_share
+    entries = [
+        (WEIGHTS.body, hp.FrameTask(base), targets.body),
+        (
+            WEIGHTS.orientation,
+            hp.FrameTask(base, part="orientation", axes="local"),
+            targets.orientation,
+        ),
+    ]
+    for j, (joint, weight) in enumerate(zip(robot.joints, joint_weights(robot), strict=True)):
+        reference = targets.joints[j : j + 1]
+        entries.append((getattr(WEIGHTS, weight) * share[j], hp.JointTask(joint), reference))
+    for k, foot in enumerate(robot.feet):
+        if held[k]:
+            yield WEIGHTS.force, hp.FootForceTask(foot)
+        else:
+            entries.append((WEIGHTS.swing, hp.FrameTask(foot), targets.feet[k]))
+    for weight, task, acceleration in entries:
+        task.acceleration = acceleration
+        yield weight, task
 
 
 def costs_agree(robot: hp.Robot, formulation: str, seed: int, held: np.ndarray) -> None:
@@ -43,11 +84,10 @@ def costs_agree(robot: hp.Robot, formulation: str, seed: int, held: np.ndarray) 
         x, inputs = motion @ z + at_zero, np.zeros(robot.n_thrust + len(robot.joints))
         problem.inputs(z, inputs)
         total = WEIGHTS.thrust * np.sum(inputs[: robot.n_thrust] ** 2)
-        for one in built_in_tasks(robot, targets):
-            if one.active(held):
-                matrix, target = one.task.rows(dynamics, state)
-                error = matrix @ x[: matrix.shape[1]] - target
-                total += getattr(WEIGHTS, one.weight) * one.share[0] * np.sum(error**2)
+        for weight, task in built_in_tasks(robot, targets, held):
+            matrix, target = task.rows(dynamics, state)
+            error = matrix @ x[: matrix.shape[1]] - target
+            total += weight * np.sum(error**2)
         return 0.5 * total
 
     program = problem.program

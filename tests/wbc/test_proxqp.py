@@ -16,6 +16,7 @@ from walks import states_of, walked
 from whole_body_oracle import ROBOT
 
 import harpy_pin as hp
+from harpy_pin.contrib.solvers import QuadprogSolver
 from harpy_pin.controllers import WholeBodyParameters
 from harpy_pin.model.record import make_record
 from harpy_pin.wbc import QPStatus, QuadraticProgram, make_solver
@@ -231,7 +232,7 @@ def test_small_programs_are_solved_to_the_optimum_where_proxqp_says_so() -> None
     quadprog.
     """
     solver = make_solver("proxqp", small_program())
-    exact = make_solver("quadprog", small_program())
+    exact = QuadprogSolver(small_program())
     optimal = 0
     for seed in range(200):
         program = small_program(seed=seed)

@@ -37,9 +37,8 @@ from harpy_pin.errors import InputError
 from harpy_pin.gaits.fitting import GRAVITY
 from harpy_pin.gaits.gait import LONGEST, Gait, GaitTarget, own_target, refuse_time
 from harpy_pin.gaits.on_terrain import OnTerrain
-from harpy_pin.ground.terrain import Terrain
+from harpy_pin.ground.terrain import Plane, Terrain
 from harpy_pin.model.entry import as_state
-from harpy_pin.model.memory import KeepsViews
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import State, Vector
 from harpy_pin.scenario.gait_parts import GAIT_PARTS, Commanded, GaitPart
@@ -56,7 +55,7 @@ it does.
 LANDING = 1.2  # time from touchdown to standing, s
 
 
-class FlyingGait(KeepsViews):
+class FlyingGait(Gait):
     """Targets of a robot that stands, jumps or flies, lands, and then goes on by another gait.
 
     It needs the measured state: controllers of this library call :meth:`observe` before each
@@ -78,10 +77,7 @@ class FlyingGait(KeepsViews):
 
     Attributes:
         flights: as given.
-        terrain: as given.
-        target: of the last update.
         phase: one of ``stand``, ``bend``, ``push``, ``unload``, ``air``, ``land`` and ``gait``.
-        not_governed: why the paper's controller cannot follow it.
 
     Raises:
         InputError: no flights, a robot that cannot fly, a jump that does not land where it should,
@@ -100,14 +96,21 @@ class FlyingGait(KeepsViews):
         terrain: Terrain | None = None,
         normal_error: float = 0.0,
     ) -> None:
+        super().__init__(gait.robot)
         self.flights = read_flights(flights)
-        self.robot, self.terrain = gait.robot, terrain
+        self.terrain = Plane(slope=0.0) if terrain is None else terrain
         if not self.robot.feet or not self.robot.thrusters:
             message = (
                 f"flights need feet, and thrusters or rotors: '{self.robot.name}' has not both"
             )
             raise InputError(message, name="robot", value=self.robot)
-        self.gait = own_target(gait)
+        self.gait, self.walks = own_target(gait), gait.walks
+        most = MOST_FORCE * self.robot.mass * GRAVITY / len(self.robot.feet)
+        self.controller_parameters = {
+            **gait.controller_parameters,
+            "orientation": ORIENTATION,
+            "max_normal_force": most,
+        }
         self.start = checks.number("start", start, low=0.0, high=1e6)
         self.step_duration, self.double_support = self.gait.step_duration, self.gait.double_support
         self._landed = LandedGait(self.gait)
@@ -128,7 +131,6 @@ class FlyingGait(KeepsViews):
         self._airway: Airway
         self._way: Quintic
         self._push: Quintic | None
-        self.target = GaitTarget(len(self.robot.feet))
         self._begin()
 
     @checked
@@ -179,18 +181,6 @@ class FlyingGait(KeepsViews):
         return FlyingGait(
             self.gait, self.flights, start=self.start, terrain=terrain, normal_error=normal_error
         )
-
-    @property
-    def controller_parameters(self) -> dict[str, Any]:
-        """Settings of whole-body controllers that fit: the gait's, gains of the orientation, and
-        the largest force.
-        """
-        most = MOST_FORCE * self.robot.mass * GRAVITY / len(self.robot.feet)
-        return {
-            **getattr(self.gait, "controller_parameters", {}),
-            "orientation": ORIENTATION,
-            "max_normal_force": most,
-        }
 
     def observe(self, state: State) -> None:
         """What was measured, for the next update; a bad sample is ignored.

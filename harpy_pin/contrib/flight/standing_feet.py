@@ -11,7 +11,7 @@ import numpy as np
 
 from harpy_pin.contrib.flight.flyer import TOUCHDOWN
 from harpy_pin.gaits.fitting import GRAVITY
-from harpy_pin.gaits.gait import FullGait, GaitTarget
+from harpy_pin.gaits.gait import Gait, GaitTarget
 from harpy_pin.ground.terrain import Terrain
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import State, Vector
@@ -109,13 +109,13 @@ class StandingFeet:
         return self._terrain.height(x, y)
 
 
-class LandedGait:
+class LandedGait(Gait):
     """The targets of a gait, moved over the ground; ``target`` is that of the last update."""
 
-    def __init__(self, gait: FullGait) -> None:
-        self.gait, self.robot = gait, gait.robot
+    def __init__(self, gait: Gait) -> None:
+        super().__init__(gait.robot)
+        self.gait = gait
         self.step_duration, self.double_support = gait.step_duration, gait.double_support
-        self.target = GaitTarget(len(gait.robot.feet))
         begin = gait.update(0.0)
         self._middle: Vector = (begin.body[:3] + begin.foot_position.mean(axis=0))[:2]
         self._shift = np.zeros(2)
@@ -131,13 +131,11 @@ class LandedGait:
         return self.target
 
     def observe(self, state: State) -> None:
-        """Hand the measured state, moved back, to the gait, if it takes one."""
-        observe = getattr(self.gait, "observe", None)
-        if observe is not None:
-            moved = state.copy()
-            moved.q[:2] -= self._shift
-            moved.foot_position[:, :2] -= self._shift
-            observe(moved)
+        """Hand the measured state, moved back, to the gait."""
+        moved = state.copy()
+        moved.q[:2] -= self._shift
+        moved.foot_position[:, :2] -= self._shift
+        self.gait.observe(moved)
 
     def initial_state(self, *, penetration: float = 0.0) -> tuple[Vector, Vector]:
         """See :meth:`~harpy_pin.gaits.gait.Gait.initial_state`."""

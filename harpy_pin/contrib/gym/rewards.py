@@ -1,21 +1,22 @@
-"""What a step of :class:`~harpy_pin.contrib.gym.robot_env.RobotEnv` earns: named terms, each with a scale of its own.
+"""What a step of :class:`~harpy_pin.contrib.gym.robot_env.RobotEnv` earns: named terms, each with a
+scale of its own.
 
-The reward is the sum of scale times term, or whatever a function of the :class:`Step` returns. Terms that are to be
-avoided get a negative scale.
+The reward is the sum of scale times term, or whatever a function of the :class:`Step` returns.
+Terms that are to be avoided get a negative scale. Velocities are in the axes of the heading.
 
 | term | what | between |
 |---|---|---|
-| ``velocity`` | exp(−\\|v − v_desired\\|² / (0.25 m/s)²), forward and to the left of the heading | 0 and 1 |
+| ``velocity`` | exp(−\\|v − v_desired\\|² / (0.25 m/s)²), horizontal | 0 and 1 |
 | ``turning`` | exp(−(ω − ω_desired)² / (0.25 rad/s)²) about the vertical | 0 and 1 |
 | ``alive`` | 1 unless the robot fell | 0 and 1 |
 | ``tilt`` | squared sine of the body's tilt | 0 and 1 |
-| ``height`` | squared distance of the body's height from that of standing, in units of 0.1 m | 0 and more |
+| ``height`` | squared distance of the body's height from standing, units of 0.1 m | 0 and more |
 | ``bounce`` | squared vertical velocity of the body, m²/s² | 0 and more |
 | ``torque`` | mean of the squared joint torques, each in units of its limit | 0 and 1 |
-| ``power`` | sum over the joints of \\|torque · velocity\\|, in units of weight times 1 m/s | 0 and more |
+| ``power`` | sum over joints of \\|torque · velocity\\|, units of weight times 1 m/s | 0 and more |
 | ``slip`` | path of the feet on the ground in this step, mm | 0 and more |
 | ``action_rate`` | mean squared change of the action | 0 and 4 |
-"""  # noqa: E501
+"""
 
 from __future__ import annotations
 

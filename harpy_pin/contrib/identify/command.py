@@ -51,8 +51,8 @@ def identify(
     harpy identify log.npz --robot go2 --out go2_joints.json --figure torques.png
     """
     check_outputs({"--out": out, "--figure": figure}, inputs={"LOG": log})
+    from harpy_pin.contrib.bag import read_signals
     from harpy_pin.contrib.identify.identification import identify as identified
-    from harpy_pin.log.bag import read_signals
     from harpy_pin.model.source import loaded_robot
 
     known = loaded_robot(options.read_robot_options(robot, feet, None))

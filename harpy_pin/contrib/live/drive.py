@@ -18,12 +18,13 @@ from pathlib import Path
 from typing import Any
 
 from harpy_pin import checks
+from harpy_pin.contrib.interrupts import without_interrupts
 from harpy_pin.contrib.live.live_session import PERIOD, LiveSession, Tick
 from harpy_pin.contrib.live.settings import LiveSettings
 from harpy_pin.contrib.live.shared_snapshots import SharedSnapshots
 from harpy_pin.contrib.live.times import TickTimes
 from harpy_pin.errors import HarpyError, InputError, RunFileError
-from harpy_pin.files import Shield, check_writable, replaceable, without_interrupts
+from harpy_pin.files import Shield, check_writable, replaceable
 from harpy_pin.log.journal import Journal
 from harpy_pin.log.recorder import Recorder
 from harpy_pin.log.run import Run

@@ -199,7 +199,8 @@ class LiveSession:
         reference = getattr(c, "applied", None)
         if reference is None or self.settings.controller == "none":
             return np.full(3, math.nan)
-        return np.asarray(c.bent if c.force_filter is not None else reference)[:3]  # type: ignore[attr-defined]
+        bent = c.bent if c.force_filter is not None else reference  # type: ignore[attr-defined]
+        return np.asarray(bent)[:3]
 
     def _friction_estimate(self) -> Vector:
         """(feet,) what the controller takes the friction for."""

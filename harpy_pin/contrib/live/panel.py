@@ -302,7 +302,8 @@ class Panel:
                 (str(number + 1), schedule.capitalize(), partial(self._send, "change", wish))
             )
         for key, label, act in actions:
-            gui.add_command(label, hotkey=key).on_trigger(lambda _, act=act: act())  # type: ignore[misc, arg-type]
+            button = gui.add_command(label, hotkey=key)  # type: ignore[arg-type]
+            button.on_trigger(lambda _, act=act: act())  # type: ignore[misc]
 
     def _slider(
         self,

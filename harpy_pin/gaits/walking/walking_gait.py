@@ -156,7 +156,7 @@ class WalkingGait(FollowsVelocity):
             raise InputError(
                 f"the gait needs two, four or six feet; '{robot.name}' has {feet}", name="robot"
             )
-        self.robot = robot
+        super().__init__(robot)
         self._standing = Standing(robot, posture)
         q, v = self._standing.initial_state()
         build, soles = build_of(robot, q), bool(robot.flat_feet)
@@ -196,7 +196,7 @@ class WalkingGait(FollowsVelocity):
         )
         self._measured = self._record_["measured"]
         self._follow(velocity)
-        self.target = GaitTarget(len(robot.feet))
+        self.controller_parameters = fitting_parameters(robot, leg=build.leg, rise=build.rise)
         self._begin()
         measure.prepare(self._record_, q, v, np.zeros((len(robot.feet), 3)))
         advance.prepare(0.0, self._record_, self.target._record_)
@@ -278,13 +278,6 @@ class WalkingGait(FollowsVelocity):
         return f"WalkingGait('{self.robot.name}', {self.schedule}, {command})"
 
     @property
-    def controller_parameters(self) -> dict[str, Any]:
-        """Settings of whole-body controllers: :func:`~harpy_pin.gaits.fitting.fitting_parameters`
-        of the robot.
-        """
-        return fitting_parameters(self.robot, leg=self._build.leg, rise=self._build.rise)
-
-    @property
     def max_speed(self) -> float:
         """Largest velocity of a foot's place, m/s: a command beyond it is scaled down."""
         return float(self._record_["max_speed"][0])
@@ -295,9 +288,10 @@ class WalkingGait(FollowsVelocity):
         return float(min(self._record_["max_speed"][0], self._record_["max_aside"][0]))
 
     def expect_friction(self, mu: float) -> None:
-        """See :class:`~harpy_pin.gaits.gait.Gait`: on soles the largest velocities fall with it.
+        """See :meth:`~harpy_pin.gaits.gait.Gait.expect_friction`.
 
-        A speed that was given stays. Below :data:`FIRM` steps change, too.
+        On soles the largest velocities fall with it. A speed that was given stays. Below
+        :data:`FIRM` steps change, too.
         """
         if not self.robot.flat_feet:
             return
@@ -320,8 +314,7 @@ class WalkingGait(FollowsVelocity):
                 r[name] = SWIFT + grip * (getattr(pace, name) - SWIFT)
 
     def observe(self, state: State) -> None:
-        """See :class:`~harpy_pin.gaits.gait.Gait`; a state with entries that are not finite is
-        ignored.
+        """See :meth:`~harpy_pin.gaits.gait.Gait.observe`; entries that are not finite are ignored.
 
         Raises:
             InputError: it is no state of the robot.
@@ -359,7 +352,7 @@ class WalkingGait(FollowsVelocity):
         return self.target
 
     def calls(self, state: State) -> tuple[Call, ...] | None:
-        """See :class:`~harpy_pin.gaits.gait.Gait`; Python takes a script's rows."""
+        """See :meth:`~harpy_pin.gaits.gait.Gait.calls`; Python takes a script's rows."""
         if type(self) is not WalkingGait or self._function is not None:
             return None
         observe = Call(measure, self._record_, state.q, state.v, state.foot_force)

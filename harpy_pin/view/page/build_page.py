@@ -34,8 +34,6 @@ from harpy_pin.view.scene.frames import Frames, normal_floor
 from harpy_pin.view.scene.meshcat_backend import encoded, keyframes, node_commands, stage_commands
 from harpy_pin.view.scene.scene import scene_of
 
-UPLOT = "1.6.32"
-"""Version of the charts' library (MIT), which lies in ``assets`` with its licence."""
 DIGITS = 4
 """Digits of a number on a chart."""
 CAPTION = (

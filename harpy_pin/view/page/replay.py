@@ -180,7 +180,8 @@ class ReplayServer(AbstractContextManager["ReplayServer"]):
             raise RunFileError(
                 f"cannot serve the replay on port {port}: {error.strerror or error}"
             ) from error
-        self._server.handle_error = lambda *request: None  # type: ignore[method-assign] # a closed tab is no event
+        # A closed tab is no event.
+        self._server.handle_error = lambda *request: None  # type: ignore[method-assign]
         self._thread = threading.Thread(target=self._server.serve_forever, daemon=True)
         self._thread.start()
         self.url = f"http://127.0.0.1:{self._server.server_address[1]}/"

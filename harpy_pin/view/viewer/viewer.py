@@ -30,7 +30,7 @@ from harpy_pin import checks
 from harpy_pin.arguments import checked
 from harpy_pin.errors import HarpyError, InputError, RunFileError, shown
 from harpy_pin.files import check_writable, replacing
-from harpy_pin.gaits.gait import own_target
+from harpy_pin.gaits.gait import Gait, own_target
 from harpy_pin.gaits.standing import Standing
 from harpy_pin.ground.ground import Ground
 from harpy_pin.model.entry import as_array, as_state
@@ -255,7 +255,7 @@ class Viewer(AbstractContextManager["Viewer"]):
             return _place("x_r", signals["x_r"]), np.nan if applied is None else _place(
                 "x_w", applied
             )
-        if vars(type(reference)).get("constant", False):
+        if isinstance(reference, Gait) and reference.constant:
             if self._followed is not reference:
                 self._followed, self._gait = reference, own_target(reference)
             return self._gait.update(t).body[:3], np.nan

@@ -1,8 +1,8 @@
 """Tasks: rows A x ≈ b in x = [a; f], accelerations and contact forces, of joints, frames, momentum
 and feet.
 
-Every task of a whole-body problem is of this kind: those that every problem has
-(:mod:`harpy_pin.wbc.tasks.built_in`) and those that users add (:mod:`harpy_pin.wbc.tasks.added`).
+Every task of a whole-body problem is of this kind: those that every problem has, and those that
+users add (:mod:`harpy_pin.wbc.tasks.added`).
 """
 
 from __future__ import annotations

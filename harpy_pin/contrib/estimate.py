@@ -42,7 +42,7 @@ def estimate(
     """
     outputs = {"--save": save, "--mcap": mcap, "--figures": figures}
     check_outputs(outputs, inputs={"LOG": log})
-    from harpy_pin.log.bag import estimate_log, read_log
+    from harpy_pin.contrib.bag import estimate_log, read_log
     from harpy_pin.model.source import loaded_robot
 
     known = loaded_robot(options.read_robot_options(robot, feet, None, flat_feet))
@@ -51,7 +51,9 @@ def estimate(
     if save is not None:
         run.save(save)
     if mcap is not None:
-        run.to_mcap(mcap, known)
+        from harpy_pin.contrib.foxglove import write_mcap
+
+        write_mcap(run, mcap, known)
     if figures is not None:
         from harpy_pin.cli.view import draw_figures
 

@@ -1,17 +1,15 @@
-"""The report: one HTML page that needs nothing beside it, and all its numbers as JSON and CSV."""
+"""The report: every table and figure of the comparison, and all its numbers as JSON and CSV."""
 
 from __future__ import annotations
 
 import io
-from base64 import b64encode
 from collections.abc import Mapping
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from comparison.campaign.summary import summary_tables
 from comparison.contenders import label
 from comparison.measure.walking import TIMED
-from comparison.report.answer import COLUMNS, answer_of, passed
+from comparison.report.answer import answer_of
 from comparison.report.figures import growth_figure, pareto_figure
 from comparison.sections.growth import growth_tables
 from comparison.sections.ticks import formulations_table, simulator_table, ticks_tables
@@ -105,88 +103,15 @@ def pareto_table(document: Mapping[str, Any]) -> Table:
     return Table("pareto", title, tuple(cells), note)
 
 
-_SECTIONS: dict[str, tuple[str, tuple[str, ...]]] = {
-    "overview": ("Cost and quality", ("pareto",)),
-    "ticks": ("The complete tick of every controller", ("ticks", "cold_ticks")),
-    "formulations": ("Formulations and solvers", ("formulations",)),
-    "timing": ("Where the time goes", ("timing", "ratios")),
-    "campaign": ("The campaign", ("campaign",)),
-    "walks": ("Undisturbed walks", ("walk",)),
-    "growth": ("Growth", ("growth",)),
-    "simulator": ("The simulator", ("simulator",)),
-    "checks": ("What was checked", ("checks", "activity")),
-    "setup": ("Machine, versions, settings", ("machine", "versions", "settings")),
-}
-_CAPTIONS = {
-    "overview": "Each point is a controller with its governor. Dashed line: no other controller is "
-    "better in both.",
-    "growth": "Medians. Lines join the cases of one robot (for feet held) or all cases "
-    "(otherwise).",
-}
-"""Of the figures, by the section in which one stands."""
-
-
 def figures_of(tables: Mapping[str, Table]) -> dict[str, Figure]:
-    """The figures, by name, in the order of :data:`_CAPTIONS`."""
+    """The figures, by name."""
     return {"pareto": pareto_figure(tables["pareto"]), "growth": growth_figure(tables)}
 
 
 def write_report(folder: OwnFolder, document: Mapping[str, Any]) -> None:
-    """Write ``report.html``, ``results.json`` and ``results.csv``; the CSV holds every number of
-    the page.
-    """
+    """Write ``results.json``, and ``results.csv`` with every number of the tables."""
     tables = to_csv(tables_of(document))
-    folder.write(
-        {
-            "results.json": json_text(document),
-            "results.csv": tables,
-            "report.html": render(document),
-        }
-    )
-
-
-def render(document: Mapping[str, Any]) -> str:
-    """The page."""
-    from jinja2 import Environment, FileSystemLoader, StrictUndefined
-
-    how: dict[str, Any] = {
-        "autoescape": True,
-        "undefined": StrictUndefined,
-        "keep_trailing_newline": True,
-    }
-    environment = Environment(
-        loader=FileSystemLoader(Path(__file__).parent), trim_blocks=True, lstrip_blocks=True, **how
-    )
-    tables = {table.name: table for table in tables_of(document)}
-    drawn = zip(_CAPTIONS.items(), figures_of(tables).values(), strict=True)
-    figures = {
-        anchor: {
-            "caption": caption,
-            "source": f"data:image/png;base64,{b64encode(picture_of(figure)).decode()}",
-        }
-        for (anchor, caption), figure in drawn
-    }
-    sections = [
-        {"anchor": anchor, "title": title, "tables": found, "figure": figures.get(anchor)}
-        for anchor, (title, prefixes) in _SECTIONS.items()
-        if (
-            found := [
-                table
-                for table in tables.values()
-                if any(f"{table.name}_".startswith(f"{p}_") for p in prefixes)
-            ]
-        )
-    ]
-    machine = document["machine"]
-    return environment.get_template("report.html.j2").render(
-        place=f"{machine['cpu']}, {machine['usable_cores']} of {machine['cores']} cores, "
-        f"{machine['os']}",
-        passed=passed(document),
-        answer=answer_of(document),
-        contenders=COLUMNS.values(),
-        sections=sections,
-        limitations=document["limitations"],
-    )
+    folder.write({"results.json": json_text(document), "results.csv": tables})
 
 
 def picture_of(figure: Figure) -> bytes:

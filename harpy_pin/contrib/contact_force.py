@@ -1,4 +1,5 @@
-"""The whole-body problem in contact forces alone: z = f, three numbers for each foot.
+"""The whole-body problem in contact forces alone: z = f, three numbers for each foot. Parameters
+have it as ``contact_force`` once this module is imported.
 
 With limbs eliminated (:mod:`harpy_pin.wbc.condensed.condense`) thrusts, torques and accelerations
 are functions of the contact forces, the best ones for given forces. The cost is that of the root's
@@ -25,6 +26,7 @@ from typing import ClassVar
 import numpy as np
 
 from harpy_pin import checks
+from harpy_pin.controllers.whole_body_tick import QP_TICKS, tick_of
 from harpy_pin.errors import InputError
 from harpy_pin.kernels import kernel
 from harpy_pin.model.cholesky import solve_factor, solve_transposed
@@ -41,6 +43,7 @@ from harpy_pin.wbc.condensed.condense import (
     root_of_centre,
 )
 from harpy_pin.wbc.condensed.condensed_solver import condensation_record, condensed_sizes
+from harpy_pin.wbc.formulations import FORMULATIONS
 from harpy_pin.wbc.problem import (
     FormulationKernels,
     FormulationRecord,
@@ -321,3 +324,5 @@ def _acceleration(m: ContactForceRecord, z: Vector, out: Vector) -> None:
 ContactForceProblem.kernels = FormulationKernels(
     _build, _inputs, _force, _acceleration, _limit, _give_way
 )
+FORMULATIONS[ContactForceProblem.name] = ContactForceProblem
+QP_TICKS[ContactForceProblem.name] = tick_of(ContactForceProblem.name)

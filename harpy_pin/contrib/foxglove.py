@@ -11,6 +11,7 @@ import numpy as np
 import pinocchio as pin
 
 from harpy_pin import checks
+from harpy_pin.arguments import checked
 from harpy_pin.errors import InputError, install_line
 from harpy_pin.log.run import Run
 from harpy_pin.model.robot import Robot
@@ -24,9 +25,21 @@ LENGTH = 0.5
 WORLD = "world"
 
 
-def write_mcap(run: Run, robot: Robot, path: str | Path) -> None:
-    """See :meth:`~harpy_pin.log.run.Run.to_mcap`."""
-    checks.instance("robot", robot, Robot)
+@checked
+def write_mcap(run: Run, path: str | Path, robot: Robot) -> None:
+    """Write an MCAP that Foxglove opens: frames, forces in their friction cones, URDF, joints and
+    sensors.
+
+    :func:`~harpy_pin.contrib.bag.read_log` reads it back. Cones are drawn on level ground.
+
+    Args:
+        run: to write.
+        path: of the file; one of that name is replaced.
+        robot: whose run it is.
+
+    Raises:
+        InputError: the extra ``mcap`` is not installed.
+    """
     try:
         import foxglove
         from foxglove import channels

@@ -10,7 +10,7 @@ import pytest
 from evo.core import metrics
 from evo.core.trajectory import PoseTrajectory3D
 
-from harpy_pin.log.drift import off
+from harpy_pin.contrib.drift import off
 
 TICKS = 400
 

@@ -7,7 +7,8 @@ import pytest
 from needs import needs_robots
 
 import harpy_pin as hp
-from harpy_pin.log.bag import estimate_log, read_log
+from harpy_pin.contrib.bag import estimate_log, read_log
+from harpy_pin.contrib.foxglove import write_mcap
 from harpy_pin.log.run import Run
 
 pytestmark = needs_robots
@@ -72,7 +73,7 @@ def test_a_table_is_the_same_log(run, signals, go2, tmp_path):
 
 def test_an_mcap_is_the_same_log(run, signals, go2, tmp_path):
     pytest.importorskip("foxglove")
-    run.to_mcap(tmp_path / "walk.mcap", go2)
+    write_mcap(run, tmp_path / "walk.mcap", go2)
     read = read_log(tmp_path / "walk.mcap", go2)
     np.testing.assert_allclose(read["t"], signals["t"], atol=1e-9)
     for name in SENSED:
@@ -85,7 +86,7 @@ def test_foxglove_finds_frames_forces_and_cones(run, go2, tmp_path):
     protobuf = pytest.importorskip("mcap_protobuf.decoder")
     from mcap.reader import make_reader
 
-    run.to_mcap(tmp_path / "walk.mcap", go2)
+    write_mcap(run, tmp_path / "walk.mcap", go2)
     with (tmp_path / "walk.mcap").open("rb") as file:
         found = {}
         for schema, _, message, content in make_reader(

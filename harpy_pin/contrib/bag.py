@@ -12,11 +12,11 @@ import numpy as np
 
 from harpy_pin import checks
 from harpy_pin.arguments import checked
+from harpy_pin.contrib.drift import off
 from harpy_pin.errors import InputError, install_line
 from harpy_pin.estimation.estimator import Estimator
 from harpy_pin.estimation.imu import Imu
 from harpy_pin.estimation.readings import Readings
-from harpy_pin.log.drift import off
 from harpy_pin.log.run import Run, describe_versions
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
@@ -310,7 +310,7 @@ def estimate_log(
 
     Returns:
         The run; and measures: duration, s, period, s, the share of uneven steps, that of each
-        status, and where there is a truth those of :func:`~harpy_pin.log.drift.off`.
+        status, and where there is a truth those of :func:`~harpy_pin.contrib.drift.off`.
     """
     s, t = signals, signals["t"]
     period = float(np.median(np.diff(t)))
