@@ -47,7 +47,5 @@ def move_joints(e: EstimatorRecord, stance: Vector) -> None:
             e.q[n] += way
         e.v[6 + j] += t * e.intended[6 + j]
     bearing = float(c.weight @ stance)
-    for k in range(stance.shape[0]):
-        c.share[k] = stance[k]
-        c.force[k, :2] = 0.0
-        c.force[k, 2] = stance[k] * c.weight[k] * e.weight / max(bearing, c.weight[k])
+    c.share[:], c.force[:, :2] = stance, 0.0
+    c.force[:, 2] = stance * c.weight * e.weight / np.maximum(bearing, c.weight)

@@ -12,7 +12,7 @@ import numpy as np
 from harpy_pin.estimation.contact import LIKELY
 from harpy_pin.estimation.invariant_filter import leave
 from harpy_pin.estimation.record import ERRORS, EstimatorRecord
-from harpy_pin.kernels import kernel
+from harpy_pin.kernels import diagonal, kernel
 from harpy_pin.model.state import Vector
 from harpy_pin.model.vectors import exp
 
@@ -157,14 +157,12 @@ def _begin_anew(e: EstimatorRecord, velocity: Vector) -> None:
     f, p = e.filter, e.filter.covariance
     for k in range(f.held.shape[0]):
         leave(f, k)
-    anew = f.rotation @ velocity
-    for i in range(ERRORS):
-        if not 6 <= i < 9:
-            p[i], p[:, i] = 0.0, 0.0
-            p[i, i] = f.start[i] ** 2
-    for i in range(3):
-        p[i, i], p[3 + i, 3 + i] = ANEW[0] ** 2 if i < 2 else 0.0, ANEW[1] ** 2
-        p[6 + i, 6 + i] += ((f.velocity[i] - anew[i]) * e.loose) ** 2
+    anew, variance = f.rotation @ velocity, diagonal(p)
+    p[:6], p[9:ERRORS] = 0.0, 0.0
+    p[:, :6], p[:, 9:ERRORS] = 0.0, 0.0
+    variance[:2], variance[3:6] = ANEW[0] ** 2, ANEW[1] ** 2
+    variance[6:9] += ((f.velocity - anew) * e.loose) ** 2
+    variance[9:ERRORS] = f.start[9:ERRORS] ** 2
     f.velocity[:] = anew
     f.gyroscope_bias[:] = 0.0
     f.accelerometer_bias[:] = 0.0
@@ -197,14 +195,14 @@ def judge(e: EstimatorRecord, good: bool, periods: float) -> int:
         and e.up > UPRIGHT
     )
     unsure = e.loose > FLIGHT or e.settling > 0.0
-    for i in range(3):
-        consistent = consistent and abs(f.gyroscope_bias[i]) <= BIASED * f.start[9 + i]
-        consistent = consistent and abs(f.accelerometer_bias[i]) <= SHAKEN * f.start[12 + i]
-        unsure = unsure or not 0.0 < f.covariance[3 + i, 3 + i] <= KNOWN * KNOWN
+    variance = diagonal(f.covariance)[3:6]
+    consistent = consistent and np.all(abs(f.gyroscope_bias) <= BIASED * f.start[9:12])
+    consistent = consistent and np.all(abs(f.accelerometer_bias) <= SHAKEN * f.start[12:15])
+    known = np.all((variance > 0.0) & (variance <= KNOWN * KNOWN))
     if not consistent:
         return INCONSISTENT
     if periods > 1.0:
         return GAP
-    if unsure:
+    if unsure or not known:
         return NO_FOOTHOLD if e.loose > 0.0 else UNSURE
     return GOOD

@@ -337,10 +337,9 @@ def _local_feet(e: EstimatorRecord) -> None:
     axes.
     """
     d, r = e.dynamics, e.dynamics.tree.rotation
-    for k in range(e.local_foot.shape[0]):
-        place = r.T @ (d.foot_position[k] - e.q[:3])
-        e.local_foot[k] = place - e.place
-        e.local_speed[k] = r.T @ d.foot_velocity[k] - e.v[:3] - np.cross(e.angular_velocity, place)
+    place = (d.foot_position - e.q[:3]) @ r
+    e.local_foot[:] = place - e.place
+    e.local_speed[:] = d.foot_velocity @ r - e.v[:3] - np.cross(e.angular_velocity, place)
 
 
 @kernel
@@ -355,8 +354,7 @@ def _write_state(e: EstimatorRecord) -> None:
     """The estimate, with the feet that belong to it."""
     _body_state(e)
     f, r = e.filter, e.filter.rotation
-    for k in range(e.local_foot.shape[0]):
-        place = e.local_foot[k] + e.place
-        e.foot_position[k] = f.position + r @ e.local_foot[k]
-        e.foot_velocity[k] = r @ (e.local_speed[k] + e.v[:3] + np.cross(e.angular_velocity, place))
-        e.foot_force[k] = e.contact.share[k] * e.contact.force[k]
+    speed = e.local_speed + e.v[:3] + np.cross(e.angular_velocity, e.local_foot + e.place)
+    e.foot_position[:] = f.position + e.local_foot @ r.T
+    e.foot_velocity[:] = speed @ r.T
+    e.foot_force[:] = e.contact.share[:, None] * e.contact.force

@@ -146,8 +146,8 @@ class Arrays(Numbers):
         codes = self.cast(a, kind).code, self.cast(b, kind).code
         return Number(kind, choice_of(self.cast(condition, BOOLEAN).code, *codes))
 
-    def space(self, name: str, shape: Shape) -> View:
-        """Work space for real numbers; its size is known when compiling."""
+    def space(self, name: str, shape: Shape, kind: Scalar = REAL) -> View:
+        """Work space; its size is known when compiling."""
         sizes = known(shape)
         if sizes is None:
             raise Refused(
@@ -155,12 +155,12 @@ class Arrays(Numbers):
                 "work space"
             )
         if 0 in sizes:
-            return View(Array.packed(REAL, shape), Code("NULL"))
-        declared = f"{REAL} {{}}[{prod(sizes)}]"
+            return View(Array.packed(kind, shape), Code("NULL"))
+        declared = f"{kind} {{}}[{prod(sizes)}]"
         own = self.variable(name, self.unit.identifier(name), declared, array=True).name
         self.work.append(own)
         memory = frozenset((own,))
-        return View(Array.packed(REAL, shape), variable(own), None, memory, memory)
+        return View(Array.packed(kind, shape), variable(own), None, memory, memory)
 
     def in_memory(self, array: AnArray, name: str = "array") -> View:
         """An array that is in memory, where it is written before the statement if it is
@@ -168,7 +168,7 @@ class Arrays(Numbers):
         """
         if isinstance(array, View):
             return replace(array, made=False)
-        made = self.space(name, array.shape)
+        made = self.space(name, array.shape, array.element)
         if array.rule is not None:
             self.fill(made, array)
         return made

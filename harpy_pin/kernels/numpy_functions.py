@@ -225,15 +225,15 @@ class NumpyFunctions(Arrays):
         (n,) = sizes_of(size)
         return Computed(REAL, (n, n), lambda at: self.real(self.comparison(ast.Eq, *at)))
 
-    def work_space(self, shape: Value, *, zero: bool) -> Computed:
-        """``np.zeros`` and ``np.empty``."""
+    def work_space(self, shape: Value, every: Value | None = None) -> Computed:
+        """``np.empty``, or ``np.full`` and ``np.zeros`` with what all elements are."""
         sizes = known(sizes_of(shape))
         if sizes is None:
             raise Refused("work space of a size that is not known when compiling")
-        every = self.constant(0.0)
-        return (
-            Computed(REAL, sizes, lambda _: every, every=every) if zero else Computed(REAL, sizes)
-        )
+        if every is None:
+            return Computed(REAL, sizes)
+        number = self.real(as_number(self.operand(as_number(every))))
+        return Computed(REAL, sizes, lambda _: number, every=number)
 
     def extreme(self, name: str, a: Value, b: Value) -> Number | Computed:
         """``np.maximum`` or ``np.minimum``, which pass on what is no number."""
@@ -278,8 +278,9 @@ def diagonal(matrix: Any) -> Any:
 
 FUNCTIONS: dict[Any, tuple[int, Callable[..., Value]]] = {
     np.array: (1, NumpyFunctions.array_of),
-    np.zeros: (1, partial(NumpyFunctions.work_space, zero=True)),
-    np.empty: (1, partial(NumpyFunctions.work_space, zero=False)),
+    np.zeros: (1, lambda body, shape: body.work_space(shape, body.constant(0.0))),
+    np.empty: (1, NumpyFunctions.work_space),
+    np.full: (2, NumpyFunctions.work_space),
     np.eye: (1, NumpyFunctions.eye),
     np.repeat: (2, NumpyFunctions.repeat),
     diagonal: (1, NumpyFunctions.diagonal),

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from harpy_pin.kernels import kernel
+from harpy_pin.kernels import diagonal, kernel
 from harpy_pin.model.state import Vector
 from harpy_pin.model.tree import SLIDING, UNBOUNDED, TreeRecord
 from harpy_pin.model.vectors import (
@@ -166,8 +166,7 @@ def _base_terms(t: TreeRecord, mass_matrix: Vector, bias: Vector) -> None:
     bias[:6] = t.force[0]
     m[:3, :3], m[:3, 3:6] = t.moment[0, 0] * np.eye(3), h.T
     m[3:6, :3], m[3:6, 3:6] = h, 0.5 * (inertia + inertia.T)  # symmetric to the last bit
-    for c in range(6):
-        m[c, c] += t.armature[c]
+    diagonal(m)[:6] += t.armature[:6]
 
 
 @kernel
@@ -309,22 +308,22 @@ def flat_foot_rows(
     (J_i a + J̇_i v − α_i) / s = 0. Jacobian, drift J̇ v and positions are those of the corners, in
     world axes.
     """
-    n, middle, size = position.shape[0], np.zeros(3), 0.0
+    n, size = position.shape[0], 0.0
+    middle = np.sum(position, axis=0) / n
     rows[:6] = 0.0
     value[:6] = 0.0
     for i in range(n):
-        middle += position[i] / n
-    for i in range(n):
-        arm = position[i] - middle
-        size += arm @ arm
-    whole, turn = 1.0 / np.sqrt(n), 1.0 / np.sqrt(size)
-    for i in range(n):
-        arm, part = turn * (position[i] - middle), jacobian[3 * i : 3 * i + 3]
+        arm, part = position[i] - middle, jacobian[3 * i : 3 * i + 3]
         rest = desired[i] - drift[3 * i : 3 * i + 3]
-        rows[:3] += whole * part
+        size += arm @ arm
+        rows[:3] += part
         rows[3:6] += skew(arm) @ part
-        value[:3] += whole * rest
+        value[:3] += rest
         value[3:6] += np.cross(arm, rest)
+    rows[:3] /= np.sqrt(n)
+    value[:3] /= np.sqrt(n)
+    rows[3:6] /= np.sqrt(size)
+    value[3:6] /= np.sqrt(size)
 
 
 @kernel
@@ -336,8 +335,7 @@ def read_thrusts(d: DynamicsRecord, force: Vector, out: Vector) -> int:
     """
     rotors = d.rotor_axis.shape[0]
     free = force.shape[0] - rotors
-    for k in range(free):
-        out[3 * k : 3 * k + 3] = force[k]
+    out[: 3 * free].reshape((free, 3))[:] = force[:free]
     changed = 0
     for k in range(rotors):
         f, axis = force[free + k, :3], d.rotor_axis[k]
@@ -354,30 +352,20 @@ def write_thrusts(d: DynamicsRecord, variables: Vector, out: Vector) -> None:
     """
     rotors = d.rotor_axis.shape[0]
     free = out.shape[0] - rotors
-    for k in range(free):
-        out[k] = variables[3 * k : 3 * k + 3]
-    for k in range(rotors):
-        out[free + k] = variables[3 * free + k] * d.rotor_axis[k]
+    out[:free] = variables[: 3 * free].reshape((free, 3))
+    out[free:] = variables[3 * free : 3 * free + rotors, None] * d.rotor_axis
 
 
 @kernel(array=("n",))
 def all_finite(array: Vector) -> bool:
-    """Whether all entries of a vector are finite numbers; a count, which compilers turn into vector
-    instructions.
-    """
-    bad = 0
-    for i in range(array.shape[0]):
-        bad += not abs(array[i]) < np.inf
-    return bad == 0
+    """Whether all entries of a vector are finite numbers."""
+    return np.all(abs(array) < np.inf)
 
 
 @kernel(array=("n",))
 def all_possible(array: Vector) -> bool:
     """Whether all entries of a vector are numbers within ``MAX_SAMPLE``."""
-    bad = 0
-    for i in range(array.shape[0]):
-        bad += not abs(array[i]) <= MAX_SAMPLE
-    return bad == 0
+    return np.all(abs(array) <= MAX_SAMPLE)
 
 
 @kernel(array=("n", 3))

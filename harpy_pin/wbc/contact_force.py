@@ -139,9 +139,7 @@ def _build(
     root_acceleration(v, rotation, t, e.desired)
     eliminate_limbs(d, t, p, e, v)
     root_factor(e)
-    held = False
-    for k in range(t.held.shape[0]):
-        held = held or t.held[k] != 0.0
+    held = np.any(t.held != 0.0)
     if not held:
         _limit_thrusts(p, e, d.thruster_jacobian.shape[0])
     force_objective(t, p, e, m.response, qp)
@@ -149,16 +147,13 @@ def _build(
     force_bounds(t, p.pyramid.shape[0], qp.lower, qp.upper)
     friction_rows(t, p, qp, 0)
     first = qp.lower.shape[0] - m.at_rest.shape[0]
-    for c in range(m.at_rest.shape[0]):
-        row, low, high = first + c, p.input_lower[c], p.input_upper[c]
-        if held:
-            for a in range(m.response.shape[1]):
-                qp.inequality[row, a] = m.gain[c, a]
-            qp.lower[row], qp.upper[row] = low - m.at_rest[c], high - m.at_rest[c]
-        else:  # never active
-            qp.inequality[row] = 0.0
-            qp.lower[row], qp.upper[row] = -1.0, 1.0
-            m.at_rest[c] = min(max(m.at_rest[c], low), high)
+    if held:
+        qp.inequality[first:] = m.gain[:, : m.response.shape[1]]
+        qp.lower[first:], qp.upper[first:] = p.input_lower - m.at_rest, p.input_upper - m.at_rest
+    else:  # never active
+        qp.inequality[first:] = 0.0
+        qp.lower[first:], qp.upper[first:] = -1.0, 1.0
+        m.at_rest[:] = np.clip(m.at_rest, p.input_lower, p.input_upper)
 
 
 @kernel
@@ -176,8 +171,7 @@ def _limit_thrusts(p: FormulationRecord, e: CondensationRecord, thrusts: int) ->
                 found = True
                 e.free_acceleration[c] = high if u > high else low
                 e.inverse_weight[c] = 0.0
-                for i in range(6):
-                    e.right_hand_side[i] -= e.free_map[i, c] * e.free_acceleration[c]
+                e.right_hand_side -= e.free_map[:, c] * e.free_acceleration[c]
         if not found:
             break
         root_factor(e)
@@ -186,11 +180,7 @@ def _limit_thrusts(p: FormulationRecord, e: CondensationRecord, thrusts: int) ->
 @kernel
 def _inputs(m: ContactForceRecord, qp: ProgramRecord, z: Vector, out: Vector) -> None:
     """[u; τ] of contact forces."""
-    for c in range(out.shape[0]):
-        s = m.at_rest[c]
-        for a in range(z.shape[0]):
-            s += m.gain[c, a] * z[a]
-        out[c] = s
+    out[:] = m.at_rest + m.gain[:, : z.shape[0]] @ z
 
 
 @kernel

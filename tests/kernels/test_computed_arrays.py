@@ -157,9 +157,10 @@ def stretched_of_one(m, row, column, block):
 @kernel(m=(3, 9), out=(9,))
 def along_an_axis(m, out):
     out[:] = np.sum(m, axis=0) - (0.0 + np.max(m, axis=0))
-    sizes = np.sqrt(np.sum(m * m, axis=1))
+    sizes = np.full(3, 1.0 + out[0]) * np.sqrt(np.sum(m * m, axis=1))
     m[:] = m / sizes[:, None]
-    good = np.all(np.isfinite(m), axis=1) & np.any(m > 0.0, axis=1)
+    found = np.isfinite(m)
+    good = np.all(found, axis=1) & np.any(m > 0.0, axis=1)
     return (
         0.0 + np.max(abs(out), initial=0.0),
         0.0 + np.min(out[:2], initial=-1.0),
@@ -198,12 +199,12 @@ def any_size_of_nine(p, q, v):
 
 @kernel(m=(6, 6), x=(6,))
 def chosen(m, joints, x, k: int):
-    limb = joints[:3]
+    limb, before = joints[:3], joints[:3] - 1
     part = m[:, limb]
     y = m[limb, k] @ x[limb] + part[2] @ part[1]
     m[2:5, limb - 1] = 2.0 * part[:3]
     x[limb] -= part.T @ x
-    x[limb - 1] *= 2.0
+    x[before] *= 2.0 + before // 2
     return y, m[limb, 0][2]
 
 

@@ -189,9 +189,7 @@ def _invert_flat_limb(
 ) -> None:
     """J_kl⁺ = (J_klᵀ J_kl)⁻¹ J_klᵀ; bounded where the limb is singular."""
     out[:] = jacobian[:, limb].T
-    for a in range(out.shape[0]):
-        for c in range(a + 1):
-            normal[a, c] = out[a] @ out[c]
+    normal[:] = out @ out.T
     factorise(normal, normal, MIN_PIVOT)
     solve_transposed(normal, out, out.shape[1])
     solve_factor(normal, out, out.shape[1])
@@ -202,8 +200,7 @@ def root_factor(e: CondensationRecord) -> None:
     """Factor of K, with the entries of o whose inverse weight is zero taken as fixed."""
     for i in range(6):
         body, free = e.mass[i] * e.inverse_body_weight, e.free_map[i] * e.inverse_weight
-        for j in range(i + 1):
-            e.factor[i, j] = body @ e.mass[j] + free @ e.free_map[j]
+        e.factor[i, : i + 1] = e.mass[: i + 1] @ body + e.free_map[: i + 1] @ free
     factorise(e.factor, e.factor)
 
 

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from harpy_pin.kernels import kernel
+from harpy_pin.kernels import diagonal, kernel
 from harpy_pin.model.cholesky import solve_transposed
 from harpy_pin.model.dynamics import DynamicsRecord
 from harpy_pin.model.record import ZERO, RecordOf, sized
@@ -108,8 +108,7 @@ def force_objective(
     """
     response[:] = e.force_map
     root_cost(e, response, qp)
-    for a in range(response.shape[1]):
-        qp.hessian[a, a] += p.w_force if t.held[a // 3] != 0.0 else 1.0
+    diagonal(qp.hessian)[:] += np.where(np.repeat(t.held, 3) != 0.0, p.w_force, 1.0)
 
 
 @kernel
@@ -122,9 +121,7 @@ def root_cost(e: CondensationRecord, response: Vector, qp: ProgramRecord) -> Non
     e.multiplier[:] = e.right_hand_side
     solve_transposed(e.factor, e.multiplier.reshape((6, 1)), 1)
     qp.gradient[:n] = -(response.T @ e.multiplier)
-    for a in range(n):
-        for b in range(a + 1):
-            qp.hessian[a, b] = qp.hessian[b, a] = response[:, a] @ response[:, b]
+    qp.hessian[:n, :n] = response.T @ response
 
 
 @kernel
@@ -150,12 +147,12 @@ def friction_rows(t: TargetsRecord, p: ProblemRecord, qp: ProgramRecord, force: 
 @kernel
 def force_bounds(t: TargetsRecord, faces: int, lower: Vector, upper: Vector) -> None:
     """Bounds of each foot's rows on its force itself; never active in swing, where f = 0."""
-    for k in range(t.held.shape[0]):
-        on = t.held[k] != 0.0
-        first = (faces + 1) * k
-        lower[first : first + faces] = 0.0 if on else -1.0
-        lower[first + faces] = t.force_range[k, 0] if on else -1.0
-        upper[first + faces] = t.force_range[k, 1] if on else 1.0
+    feet = t.held.shape[0]
+    low = lower[: feet * (faces + 1)].reshape((feet, faces + 1))
+    high = upper[: feet * (faces + 1)].reshape((feet, faces + 1))
+    low[:, :faces] = np.where(t.held[:, None] != 0.0, 0.0, -1.0)
+    low[:, faces] = np.where(t.held != 0.0, t.force_range[:, 0], -1.0)
+    high[:, faces] = np.where(t.held != 0.0, t.force_range[:, 1], 1.0)
 
 
 @kernel

@@ -33,8 +33,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from harpy_pin.kernels import ByPrecision, kernel
-from harpy_pin.model.cholesky import solve_factor
+from harpy_pin.kernels import ByPrecision, diagonal, kernel
+from harpy_pin.model.cholesky import add_product, solve_factor
 from harpy_pin.model.dynamics import DynamicsRecord, EquationsRecord
 from harpy_pin.model.state import Vector
 from harpy_pin.wbc.condensed.active_set import ProgramRecord
@@ -83,8 +83,9 @@ def limited_program(d: DynamicsRecord, t: TargetsRecord, p: CondensedRecord, v: 
     _add_weights(t, p, qp, e.others, thrusts)
     qp.lower[:thrusts], qp.upper[:thrusts] = p.input_lower[:thrusts], p.input_upper[:thrusts]
     force_bounds(t, faces, qp.lower[first:], qp.upper[first:])
-    for k in range(t.held.shape[0]):
-        qp.lower[first + (faces + 1) * k + faces] *= p.least_share[k]
+    feet = t.held.shape[0]
+    ranges = qp.lower[first : first + feet * (faces + 1)].reshape((feet, faces + 1))
+    ranges[:, faces] *= p.least_share
     _fit_rows_to_support(t, p, qp, first)
     input_map(d, t, e, v, p.wide_response, p.gain, p.at_rest, True)
     row = qp.lower.shape[0] - p.torque_limit.shape[0]
@@ -99,18 +100,11 @@ def _add_weights(
 ) -> None:
     """Add the weights of the variables; of its own each swing foot is left a share."""
     first = thrusts + others.shape[0]
-    for a in range(qp.gradient.shape[0]):
-        if a < thrusts:
-            qp.hessian[a, a] += p.w_thrust
-        elif a < first:
-            qp.hessian[a, a] += p.w_arms * t.joint_share[others[a - thrusts] - 6]
-        elif t.held[(a - first) // 3] != 0.0:
-            qp.hessian[a, a] += p.w_force
-        elif p.w_swing == 0.0:
-            qp.hessian[a, a] += 1.0
-        else:
-            qp.hessian[a, a] += p.w_swing
-            qp.hessian[a, a] -= (1.0 - p.swing_share[(a - first) // 3]) * p.w_swing
+    weight = diagonal(qp.hessian)
+    weight[:thrusts] += p.w_thrust
+    weight[thrusts:first] += p.w_arms * t.joint_share[others - 6]
+    swing = np.where(p.w_swing == 0.0, 1.0, p.swing_share * p.w_swing)
+    weight[first:] += np.repeat(np.where(t.held != 0.0, p.w_force, swing), 3)
 
 
 @kernel
@@ -166,13 +160,11 @@ def _free_per_unit(
     t: TargetsRecord, e: CondensationRecord, response: Vector, first: int, fixed: bool
 ) -> None:
     """Entries of o per unit of each variable, into ``free_per_unit``."""
-    free, n = e.free_per_unit, response.shape[1]
-    for c in range(e.inverse_weight.shape[0]):
-        free[c, :n] = -e.inverse_weight[c] * (e.free_map[:, c] @ response)
-        if e.inverse_weight[c] != 0.0:
-            continue
-        if fixed and (c < first or t.held[(c - first) // 3] == 0.0):
-            free[c, c] = 1.0
+    n = response.shape[1]
+    e.free_per_unit[:, :n] = -e.inverse_weight[:, None] * (e.free_map.T @ response)
+    if fixed:
+        given = diagonal(e.free_per_unit)
+        given[:first], given[first:] = 1.0, np.where(np.repeat(t.held, 3) == 0.0, 1.0, 0.0)
 
 
 @kernel
@@ -181,22 +173,19 @@ def _motion_per_unit(
 ) -> None:
     """Generalised accelerations per unit of each variable, into ``motion_per_unit``."""
     free, motion, n = e.free_per_unit, e.motion_per_unit, response.shape[1]
-    for j in range(6):
-        motion[j, :n] = e.inverse_body_weight[j] * e.mass[:, j] @ response
+    motion[:6, :n] = e.inverse_body_weight[:, None] * (e.mass.T @ response)
     if e.centred:
         root_of_centre(e, motion, free, n, 0.0)
     others = e.others.shape[0]
     first = thrusts + others
-    for c in range(others):
-        motion[e.others[c], :n] = free[thrusts + c, :n]
-    limbs, joints, rows = e.inverse.shape
-    for k in range(limbs):
-        held = t.held[rows * k // 3] != 0.0
-        for b in range(joints):
-            row = motion[e.limb[k, b], :n]
-            row[:] = e.limb_map[k, b] @ motion[:6, :n]
-            if not held:
-                row += e.inverse[k, b] @ free[first + rows * k : first + rows * (k + 1), :n]
+    if others > 0:
+        motion[e.others, :n] = free[thrusts:first, :n]
+    rows = e.inverse.shape[2]
+    for k in range(e.limb.shape[0]):
+        motion[e.limb[k], :n] = e.limb_map[k] @ motion[:6, :n]
+        if t.held[rows * k // 3] == 0.0:
+            own = free[first + rows * k : first + rows * (k + 1), :n]
+            motion[e.limb[k], :n] += e.inverse[k] @ own
 
 
 @kernel
@@ -205,42 +194,31 @@ def _input_per_unit(
 ) -> None:
     """Thrusts and torques per unit of each variable; the columns of the feet begin at ``first``."""
     free, motion, n = e.free_per_unit, e.motion_per_unit, gain.shape[1]
-    nv, thrusts = d.bias.shape[0], d.thruster_jacobian.shape[0]
+    thrusts, rows = d.thruster_jacobian.shape[0], e.inverse.shape[2]
     gain[:thrusts] = free[:thrusts, :n]
     gain[thrusts:] = 0.0
-    for j in range(6, nv):
-        row = gain[thrusts + j - 6]
-        for i in range(nv):
-            if d.mass_matrix[j, i] != 0.0:  # limbs do not feel each other
-                row += d.mass_matrix[j, i] * motion[i, :n]
-        for c in range(thrusts):
-            if d.thruster_jacobian[c, j] != 0.0:
-                row -= d.thruster_jacobian[c, j] * free[c, :n]
-    limbs, joints, rows = e.inverse.shape
-    for k in range(limbs):
+    add_product(d.mass_matrix[6:], motion[:, :n], gain[thrusts:])  # limbs do not feel each other
+    if thrusts > 0:
+        add_product(-d.thruster_jacobian[:, 6:].T, free[:, :n], gain[thrusts:])
+    for k in range(e.limb.shape[0]):
         if t.held[rows * k // 3] != 0.0:
             jacobian, column = d.foot_jacobian[rows * k : rows * (k + 1)], first + rows * k
-            for b in range(joints):
-                j = e.limb[k, b]
-                gain[thrusts + j - 6, column : column + rows] -= jacobian[:, j]
+            row = thrusts + e.limb[k] - 6
+            gain[row, column : column + rows] -= jacobian[:, e.limb[k]].T
 
 
 @kernel
 def at_a_limit(inputs: Vector, p: ProblemRecord) -> bool:
     """Whether a thrust or torque is at its limit, or not a number."""
-    found = False
-    for c in range(inputs.shape[0]):
-        found = found or not p.input_lower[c] + NEAR < inputs[c] < p.input_upper[c] - NEAR
-    return found
+    inside = (p.input_lower + NEAR < inputs) & (inputs < p.input_upper - NEAR)
+    return not np.all(inside)
 
 
 @kernel
 def outside(values: Vector, lower: Vector, upper: Vector) -> bool:
     """Whether one of the values is out of its range, or not a number."""
-    found = False
-    for c in range(values.shape[0]):
-        found = found or not lower[c] <= values[c] <= upper[c]
-    return found
+    n = values.shape[0]
+    return not np.all((lower[:n] <= values) & (values <= upper[:n]))
 
 
 @kernel
@@ -257,9 +235,6 @@ def share_of_swing(
 @kernel
 def share_of_least_force(d: EquationsRecord, torque: Vector, limit: Vector, k: int) -> float:
     """ρ of a contact point; the torques are τ° and the limits τ_max, N·m."""
-    share = 1.0
-    for j in range(limit.shape[0]):
-        moves = np.sum(abs(d.foot_jacobian[3 * k : 3 * k + 3, 6 + j]))
-        if moves > 0.0 and abs(torque[j]) > limit[j]:
-            share = min(share, limit[j] / abs(torque[j]))
-    return share
+    moves = np.any(d.foot_jacobian[3 * k : 3 * k + 3, 6:] != 0.0, axis=0)
+    beyond = moves & (abs(torque) > limit)
+    return float(np.min(np.where(beyond, limit / abs(torque), 1.0)))

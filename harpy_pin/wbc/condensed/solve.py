@@ -125,8 +125,8 @@ def solve_condensed(
     else:  # where limits are reached next, their search begins with the rows of the pyramids
         first = p.limited.program.bounded
         p.limited.exchange.active[:] = 0
-        for r in range(p.free.exchange.active.shape[0]):
-            p.limited.exchange.active[first + r] = p.free.exchange.active[r]
+        last = first + p.free.exchange.active.shape[0]
+        p.limited.exchange.active[first:last] = p.free.exchange.active
     p.inputs[:thrusts] = thrust
 
 
@@ -143,9 +143,7 @@ def search_active_set(p: CondensedRecord, search: SearchRecord, z: Vector) -> No
     outcome, exchanges = dual_active_set(search.program, dual, z)
     p.status_and_systems[1] += exchanges
     w.active[:] = dual.active
-    finite = True
-    for c in range(z.shape[0]):
-        finite = finite and np.isfinite(z[c])
+    finite = np.all(np.isfinite(z))
     if outcome == 0 and finite:
         return
     p.status_and_systems[0] |= SUBOPTIMAL
@@ -170,17 +168,14 @@ def _within_limits(
             p.swing_share[k] = share_of_swing(d, torque, p.torque_limit, p.give_way, k)
     limited_program(d, t, p, v)
     search_active_set(p, p.limited, y)
-    for c in range(thrusts):
-        y[c] = min(max(y[c], qp.lower[c]), qp.upper[c])
-        if y[c] <= p.input_lower[c] or y[c] >= p.input_upper[c]:
-            p.status_and_systems[0] |= THRUST_LIMITED
+    y[:thrusts] = np.clip(y[:thrusts], qp.lower[:thrusts], qp.upper[:thrusts])
+    if np.any((y[:thrusts] <= p.input_lower[:thrusts]) | (y[:thrusts] >= p.input_upper[:thrusts])):
+        p.status_and_systems[0] |= THRUST_LIMITED
     p.force[:] = y[first:]
     into_cones(t, p)
-    for c in range(y.shape[0]):
-        if c < first or t.held[(c - first) // 3] == 0.0:
-            e.free_acceleration[c] = y[c]
-            for i in range(6):
-                e.right_hand_side[i] -= e.free_map[i, c] * y[c]
+    e.free_acceleration[:first] = y[:first]
+    e.free_acceleration[first:] = np.where(np.repeat(t.held, 3) != 0.0, 0.0, y[first:])
+    e.right_hand_side -= e.free_map @ e.free_acceleration
     recover(e, p.force)
     joint_torques(d, e, v, p.force, torque)
     _clip_torques(p, torque)
@@ -191,14 +186,12 @@ def _clip_torques(p: CondensedRecord, torque: Vector) -> None:
     """Clip the torques; says in the status which limits are reached, and whether more than rounding
     was clipped.
     """
-    for j in range(torque.shape[0]):
-        limit = p.torque_limit[j]
-        if not abs(torque[j]) <= limit * (1.0 - AT_LIMIT):
-            p.status_and_systems[0] |= TORQUE_LIMITED
-        if not abs(torque[j]) <= limit:
-            if not abs(torque[j]) <= limit * (1.0 + BEYOND):
-                p.status_and_systems[0] |= TORQUE_CLIPPED
-            torque[j] = min(max(torque[j], -limit), limit) if np.isfinite(torque[j]) else 0.0
+    limit = p.torque_limit
+    if not np.all(abs(torque) <= limit * (1.0 - AT_LIMIT)):
+        p.status_and_systems[0] |= TORQUE_LIMITED
+    if not np.all(abs(torque) <= limit * (1.0 + BEYOND)):
+        p.status_and_systems[0] |= TORQUE_CLIPPED
+    torque[:] = np.where(np.isfinite(torque), np.clip(torque, -limit, limit), 0.0)
 
 
 @kernel
