@@ -28,24 +28,28 @@ def contact_frame(x: float, y: float, z: float, out: Vector) -> None:
     out[2] = -x, -y, z
 
 
+@kernel(normal=("n", 3), frame=("n", 3, 3))
+def contact_frames(normal: Vector, frame: Vector) -> None:
+    """The frames of normals (n, 3): 1 − n nᵀ / (1 + n_z) along the first two axes, then n."""
+    across = normal[:, :2]
+    share = across / (1.0 + normal[:, 2:])
+    frame[:, :2, :2] = np.eye(2) - share[:, :, None] * across[:, None]
+    frame[:, 2, :2] = -across
+    frame[:, :, 2] = normal
+
+
 @kernel
 def is_level(normal: Vector) -> bool:
     """Whether all normals (feet, 3) are vertical."""
-    level = True
-    for k in range(normal.shape[0]):
-        level = level and normal[k, 0] == 0.0 and normal[k, 1] == 0.0
-    return level
+    return np.all((normal[:, 0] == 0.0) & (normal[:, 1] == 0.0))
 
 
 @kernel
 def all_upward(normal: Vector) -> bool:
     """Whether all normals (feet, 3) that are not vertical point upwards and have length one."""
-    good = True
-    for k in range(normal.shape[0]):
-        x, y, z = normal[k, 0], normal[k, 1], normal[k, 2]
-        if x != 0.0 or y != 0.0:
-            good = good and z > 0.0 and abs(x * x + y * y + z * z - 1.0) < LENGTH
-    return good
+    x, y, z = normal[:, 0], normal[:, 1], normal[:, 2]
+    error = abs(x * x + y * y + z * z - 1.0)
+    return np.all(((x == 0.0) & (y == 0.0)) | ((z > 0.0) & (error < LENGTH)))
 
 
 @kernel
@@ -58,6 +62,18 @@ def to_contact(frame: Vector, vector: Vector) -> None:
 def to_world(frame: Vector, vector: Vector) -> None:
     """A vector (3,) of the contact's axes in those of the world, in place."""
     vector[:] = frame @ vector
+
+
+@kernel
+def to_contacts(frame: Vector, vector: Vector) -> None:
+    """Vectors (feet, 3) of world axes in those of their contacts, in place."""
+    vector[:] = np.sum(frame * vector[:, :, None], axis=1)
+
+
+@kernel
+def to_worlds(frame: Vector, vector: Vector) -> None:
+    """Vectors (feet, 3) of the contacts' axes in those of the world, in place."""
+    vector[:] = np.sum(frame * vector[:, None], axis=2)
 
 
 def in_contact_frames(normal: Vector, vectors: Vector) -> Vector:

@@ -21,7 +21,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from harpy_pin.ground.contact_frame import contact_frame, to_contact, to_world
+from harpy_pin.ground.contact_frame import contact_frame, to_contact, to_worlds
 from harpy_pin.ground.ground import GroundRecord, local_friction, local_stiffness
 from harpy_pin.ground.surface import TerrainRecord, surface_height, surface_normal
 from harpy_pin.kernels import diagonal, kernel
@@ -213,8 +213,7 @@ def implicit_step(
         sweeps = contact_forces(s, ground, free, 1e-10, MAX_SWEEPS)
     change[:] = columns[:, nc] + dt * (columns[:, :nc] @ s.load)
     if not flat:
-        for k in range(s.height.shape[0]):
-            to_world(s.frame[k], force[3 * k : 3 * k + 3])
+        to_worlds(s.frame, force.reshape((s.height.shape[0], 3)))
     solve_factor(s.factor, change.reshape((nv, 1)), 1)
     v += change
     s.displacement[:] = dt * v

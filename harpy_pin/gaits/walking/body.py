@@ -62,8 +62,7 @@ def demand_acceleration(p: WalkingRecord) -> None:
     m, feet, square = p.measured, p.measured.place.shape[0], p.omega * p.omega
     a = VELOCITY_GAIN * p.omega * (p.desired - m.drift) + rotation_in_plane(p.path[2]) @ p.rate[:2]
     if not p.walking:
-        for k in range(feet):
-            a += PLACE_GAIN * square * (m.place[k, :2] - m.centre[:2]) / feet
+        a += PLACE_GAIN * square * (np.sum(m.place[:, :2], axis=0) / feet - m.centre[:2])
     size = np.hypot(*a)
     if size > MAX_DEMAND:
         a *= MAX_DEMAND / size

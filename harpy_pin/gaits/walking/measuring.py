@@ -135,11 +135,10 @@ def _measure_feet(p: WalkingRecord, m: MeasuredRecord, foot_force: Vector) -> No
             m.point[n, 2] += m.ground - surface_height(p.terrain, m.point[n, 0], m.point[n, 1])
         m.place[k] += share * m.point[n]
         m.load[k] += LOAD_SHARE * foot_force[n, 2]
-    for k in range(feet):
-        along = across = 0.0
-        for n in range(m.point.shape[0]):
-            if p.foot[n] == k:
-                x, y = m.point[n, :2] - m.place[k, :2]
-                along += p.corner[n, 0] * x + p.corner[n, 1] * y
-                across += p.corner[n, 0] * y - p.corner[n, 1] * x
-        m.turned[k] = np.arctan2(across, along) if p.soles else m.heading
+    along, across = np.zeros(feet), np.zeros(feet)
+    for n in range(m.point.shape[0]):
+        k = p.foot[n]
+        x, y = m.point[n, :2] - m.place[k, :2]
+        along[k] += p.corner[n, 0] * x + p.corner[n, 1] * y
+        across[k] += p.corner[n, 0] * y - p.corner[n, 1] * x
+    m.turned[:] = np.where(p.soles, np.arctan2(across, along), m.heading)
