@@ -73,17 +73,14 @@ def learn_joints(c: ContactRecord, stance: Vector, phase: Vector, period: float)
     """
     keep = 1.0 - min(period / MEMORY, 1.0)
     for leg in range(c.leg_joints.shape[0]):
-        swings = True
-        for n in range(c.leg_feet.shape[1]):
-            k = c.leg_feet[leg, n]
-            if k >= 0 and not (stance[k] == 0.0 and LIFTED < phase[k] < EARLIEST):
-                swings = False
+        there = c.leg_feet[leg] >= 0
+        k = np.where(there, c.leg_feet[leg], 0)
+        away = (stance[k] == 0.0) & (phase[k] > LIFTED) & (phase[k] < EARLIEST)
+        swings = np.all(np.where(there, away, True))
         for i in range(c.leg_joints.shape[1]):
-            row = c.leg_joints[leg, i]
-            if swings and row >= 0:
-                _fit_joint(
-                    c.motion[row - 6], -c.residual[row - 6], c.sums[row - 6], c.joint[row - 6], keep
-                )
+            j = c.leg_joints[leg, i] - 6
+            if swings and j >= 0:
+                _fit_joint(c.motion[j], -c.residual[j], c.sums[j], c.joint[j], keep)
 
 
 @kernel
@@ -108,16 +105,14 @@ def leg_forces(c: ContactRecord, d: DynamicsRecord) -> None:
     """The forces of every leg's feet, world axes: J (Jᵀ J + damping)⁻¹ τ."""
     joints, feet = c.leg_joints.shape[1], c.leg_feet.shape[1]
     for leg in range(c.leg_joints.shape[0]):
-        jacobian, torque = np.zeros((3 * feet, joints)), np.zeros(joints)
-        for i in range(joints):
-            column = c.leg_joints[leg, i]
-            if column >= 0:
-                torque[i] = c.external[column - 6]
-                for n in range(feet):
-                    k = c.leg_feet[leg, n]
-                    if k >= 0:
-                        own = d.foot_jacobian[3 * k : 3 * k + 3, column]
-                        jacobian[3 * n : 3 * n + 3, i] = own
+        jacobian, there = np.zeros((3 * feet, joints)), c.leg_joints[leg] >= 0
+        column = np.where(there, c.leg_joints[leg], 6)
+        torque = np.where(there, c.external[column - 6], 0.0)
+        for n in range(feet):
+            k = c.leg_feet[leg, n]
+            if k >= 0:
+                own = d.foot_jacobian[3 * k : 3 * k + 3, column]
+                jacobian[3 * n : 3 * n + 3] = np.where(there, own, 0.0)
         normal = jacobian.T @ jacobian + c.damping * np.eye(joints)
         factorise(normal, normal)
         solve_vector(normal, torque)

@@ -37,7 +37,7 @@ from harpy_pin.estimation.record import EstimatorRecord
 from harpy_pin.kernels import kernel
 from harpy_pin.model.entry import HOLD_TICKS, all_possible
 from harpy_pin.model.state import Vector
-from harpy_pin.model.terms import place_bodies, point_terms
+from harpy_pin.model.terms import place_bodies, point_terms, set_joint_angles
 
 MOST_PERIODS = 100.0
 """Periods without a step that are made up for."""
@@ -207,12 +207,7 @@ def _doubt(e: EstimatorRecord, gap: float) -> None:
 @kernel
 def _place_joints(e: EstimatorRecord, position: Vector, velocity: Vector) -> None:
     """Joint angles and velocities into the configuration."""
-    for j in range(position.shape[0]):
-        n = e.angle_place[j]
-        if e.unbounded[j]:
-            e.q[n], e.q[n + 1] = np.cos(position[j]), np.sin(position[j])
-        else:
-            e.q[n] = position[j]
+    set_joint_angles(e.q, e.angle_place, e.unbounded, position)
     e.v[6:] = velocity
 
 

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from harpy_pin.kernels.arrays import Arrays, as_number, elsewhere, number_type
-from harpy_pin.kernels.code import Code
+from harpy_pin.kernels.code import Code, c
 from harpy_pin.kernels.numbers import COMPARISONS
 from harpy_pin.kernels.types import BOOLEAN, INTEGER, REAL, Array, Size, known
 from harpy_pin.kernels.values import (
@@ -254,6 +254,26 @@ class NumpyFunctions(Arrays):
         found = self._joined(array, partial(self._extreme_of_numbers, name), none, axis)
         return found if initial is None else self.extreme(name, found, initial)
 
+    def place_of(self, beside: str, vector: Value) -> Number:
+        """``np.argmax`` or ``np.argmin``: the first extreme, or the first that is no number."""
+        if not isinstance(vector, AnArray) or len(vector.shape) != 1:
+            raise Refused("the place in what is no vector")
+        size = vector.shape[0]
+        k, found, best, one = map(self.fresh, ("k_", "place", "best", "one"))
+        first, other = (
+            self.real(self.element(vector, [at])).code
+            for at in (self.constant(0), Number(INTEGER, k))
+        )
+        self.emit("integer {} = 0;", found)
+        self.emit("real {} = {} > 0 ? {} : 0;", best, size, first)
+        with self.block(c("for (integer {} = 1; {} < {}; {}++)", k, k, size, k), loop=True):
+            self.emit("const real {} = {};", one, other)
+            better = (one, beside, best, best, best)
+            with self.block(c("if (!({} {} {}) && {} == {})", *better)):
+                self.emit("{} = {};", best, one)
+                self.emit("{} = {};", found, k)
+        return Number(INTEGER, found)
+
     def sum(self, array: Value, axis: Number | None = None) -> Number | Computed:
         """``np.sum``."""
         return self._joined(array, self._plus, "0", axis)
@@ -294,6 +314,8 @@ FUNCTIONS: dict[Any, tuple[int, Callable[..., Value]]] = {
     np.any: (1, lambda body, a, **k: body.question(ast.BitOr, a, "0", **k)),
     np.all: (1, lambda body, a, **k: body.question(ast.BitAnd, a, "1", **k)),
     np.sum: (1, NumpyFunctions.sum),
+    np.argmax: (1, lambda body, a: body.place_of("<=", a)),
+    np.argmin: (1, lambda body, a: body.place_of(">=", a)),
     np.max: (1, lambda body, a, **k: body.most("maximum", a, **k)),
     np.min: (1, lambda body, a, **k: body.most("minimum", a, **k)),
 }

@@ -13,6 +13,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from harpy_pin.kernels import diagonal, kernel
 from harpy_pin.model.state import Vector
@@ -248,6 +249,22 @@ def integrate(t: TreeRecord, q: Vector, displacement: Vector) -> None:
 
 
 @kernel
+def joint_angles(q: Vector, place: NDArray[np.int64], unbounded: NDArray[np.int64]) -> Vector:
+    """Angles of joints, rad, by where each begins in q; an unbounded one has cosine and sine."""
+    first = q[place]
+    return np.where(unbounded != 0, np.arctan2(q[place + unbounded], first), first)
+
+
+@kernel
+def set_joint_angles(
+    q: Vector, place: NDArray[np.int64], unbounded: NDArray[np.int64], angle: Vector
+) -> None:
+    """The other way round than :func:`joint_angles`."""
+    q[place] = np.where(unbounded != 0, np.cos(angle), angle)
+    q[place + unbounded] = np.where(unbounded != 0, np.sin(angle), angle)
+
+
+@kernel
 def _move_base(q: Vector, d: Vector) -> None:
     """Placement of the base after a screw of linear part d[:3] and angular part d[3:6]."""
     w = d[3:6]
@@ -336,13 +353,11 @@ def read_thrusts(d: DynamicsRecord, force: Vector, out: Vector) -> int:
     rotors = d.rotor_axis.shape[0]
     free = force.shape[0] - rotors
     out[: 3 * free].reshape((free, 3))[:] = force[:free]
-    changed = 0
-    for k in range(rotors):
-        f, axis = force[free + k, :3], d.rotor_axis[k]
-        u = min(max(f @ axis, d.rotor_lower[k]), d.rotor_upper[k])
-        out[3 * free + k] = u
-        changed += np.max(np.abs(f - u * axis)) > SAME_FORCE * (1.0 + np.max(np.abs(f)))
-    return changed
+    f, axis = force[free : free + rotors, :3], d.rotor_axis
+    u = np.clip(np.sum(f * axis, axis=1), d.rotor_lower, d.rotor_upper)
+    out[3 * free : 3 * free + rotors] = u
+    error, size = np.max(abs(f - u[:, None] * axis), axis=1), np.max(abs(f), axis=1)
+    return int(np.sum(error > SAME_FORCE * (1.0 + size)))
 
 
 @kernel

@@ -190,10 +190,7 @@ def _solve_newton(o: SolesRecord, mobility: Vector) -> None:
     matrix[:, n] = -o.rest
     diagonal(matrix[:, :n])[:] += 1.0
     for k in range(n):
-        best = k
-        for i in range(k + 1, n):
-            if abs(matrix[i, k]) > abs(matrix[best, k]):
-                best = i
+        best = k + np.argmax(abs(matrix[k:, k]))
         row = matrix[k] + 0.0
         matrix[k] = matrix[best]
         matrix[best] = row

@@ -287,12 +287,13 @@ def add_tasks(
     and to g; zeros are skipped.
     """
     for i in range(rows.shape[0]):
-        if weight[i] != 0.0:
-            for a in range(rows.shape[1]):
-                x = weight[i] * rows[i, a]
+        w, row, desired = weight[i], rows[i], value[i]
+        if w != 0.0:
+            for a in range(row.shape[0]):
+                x = w * row[a]
                 if x != 0.0:
-                    gradient[a] -= x * value[i]
-                    hessian[a, : a + 1] += x * rows[i, : a + 1]
+                    gradient[a] -= x * desired
+                    hessian[a, : a + 1] += x * row[: a + 1]
 
 
 @kernel

@@ -176,6 +176,16 @@ def test_along_an_axis(m, out):
     same(along_an_axis, m, out)
 
 
+@kernel
+def places(a, n: int):
+    return np.argmax(a), np.argmin(abs(a[:n])), np.argmax(a[n:] > 0.0), np.argmax(a[1:2])
+
+
+@given(st.lists(st.sampled_from([0.0, -1.0, 2.0, np.nan, np.inf]), min_size=5, max_size=9))
+def test_places_of_extremes(numbers):
+    same(places, np.array(numbers), 4)
+
+
 @kernel(m=(6, 6), x=(3,))
 def diagonals(m, x, k: int):
     d = diagonal(m)

@@ -57,14 +57,11 @@ def measure_drift(p: WalkingRecord) -> None:
 @kernel
 def _find_line(p: WalkingRecord, m: MeasuredRecord) -> None:
     """Direction of the line of two stance feet of four or more."""
-    line, number = np.zeros(2), 0.0
-    for k in range(p.group.shape[0]):
-        if p.in_air[k] == 0.0:
-            line += m.place[k, :2] if number == 0.0 else -m.place[k, :2]
-            number += 1.0
+    held = np.where(p.in_air == 0.0, 1.0, 0.0)
+    line = 2.0 * m.place[np.argmax(held), :2] - held @ m.place[:, :2]
     length = np.hypot(*line)
     m.line[:] = 0.0
-    if number == 2.0 and p.group.shape[0] > 2 and length > 0.0:
+    if np.sum(held) == 2.0 and p.group.shape[0] > 2 and length > 0.0:
         m.line[:] = line / length
 
 

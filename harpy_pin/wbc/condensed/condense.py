@@ -215,7 +215,7 @@ def recover(e: CondensationRecord, f: Vector) -> None:
     o[:] = np.where(e.inverse_weight != 0.0, e.inverse_weight * (e.free_map.T @ e.multiplier), o)
     a[:6] = e.desired - e.inverse_body_weight * (e.mass.T @ e.multiplier)
     if e.centred:
-        root_of_centre(e, a.reshape((a.shape[0], 1)), o.reshape((o.shape[0], 1)), 1, 1.0)
+        root_of_centre(e, a.reshape((a.shape[0], 1)), o.reshape((o.shape[0], 1)), 1.0)
     rows = e.inverse.shape[2]
     for k in range(e.limb.shape[0]):
         free = o[first + rows * k : first + rows * (k + 1)]
@@ -276,14 +276,12 @@ def _invert(e: CondensationRecord) -> bool:
 
 
 @kernel
-def root_of_centre(
-    e: CondensationRecord, motion: Vector, free: Vector, n: int, bias: float
-) -> None:
-    """The root's acceleration from z, in the first six rows of ``motion`` (≥ 6, ≥ n); ``bias`` says
-    how much of c.
+def root_of_centre(e: CondensationRecord, motion: Vector, free: Vector, bias: float) -> None:
+    """The root's accelerations C⁻¹ (z − c − C_o o) from z, in the first six rows of ``motion``.
+
+    It is (≥ 6, n), ``free`` are n columns of o, and ``bias`` says how much of c.
     """
-    for a in range(n):
-        z = motion[:6, a] + 0.0
-        z[:3] -= bias * e.centre_bias
-        z[:2] -= e.centre_free @ free[:, a]
-        motion[:6, a] = e.root_per_centre @ z
+    z = motion[:6] + 0.0
+    z[:3] -= bias * e.centre_bias[:, None]
+    z[:2] -= e.centre_free @ free
+    motion[:6] = e.root_per_centre @ z

@@ -166,9 +166,7 @@ def into_cones(t: TargetsRecord, p: CondensedRecord) -> None:
             f[:] = 0.0
             continue
         f[2] = min(max(f[2], p.least_share[k] * t.force_range[k, 0]), t.force_range[k, 1])
-        inside, share = p.friction[k] * p.inscribed * f[2], 1.0
-        for face in range(p.pyramid.shape[0]):
-            outward = -(p.pyramid[face, 0] * f[0] + p.pyramid[face, 1] * f[1])
-            if outward * share > inside:
-                share = max(inside, 0.0) / outward
-        f[:2] *= share
+        inside = p.friction[k] * p.inscribed * f[2]
+        outward = -np.min(p.pyramid[:, :2] @ f[:2])
+        if outward > inside:
+            f[:2] *= max(inside, 0.0) / outward

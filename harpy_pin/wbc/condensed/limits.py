@@ -175,7 +175,7 @@ def _motion_per_unit(
     free, motion, n = e.free_per_unit, e.motion_per_unit, response.shape[1]
     motion[:6, :n] = e.inverse_body_weight[:, None] * (e.mass.T @ response)
     if e.centred:
-        root_of_centre(e, motion, free, n, 0.0)
+        root_of_centre(e, motion[:, :n], free[:, :n], 0.0)
     others = e.others.shape[0]
     first = thrusts + others
     if others > 0:
