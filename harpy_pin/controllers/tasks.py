@@ -131,16 +131,11 @@ def task_terms(
     t.joints[:] = p.posture[0] * (p.rest - q[7:]) - p.posture[1] * v[6:]
     _stay_in_range(p, t, q[7:], v[6:])
     level = is_level(g.normal)
-    for k in range(t.held.shape[0]):
-        push = foot_force[k, 2] if level else load_on(g.normal[k], foot_force[k])
-        below = (
-            d.foot_position[k, 2] <= g.ground_height[k]
-            if level
-            else below_ground(g, k, d.foot_position[k])
-        )
-        touching = push > p.contact_threshold or (g.stance[k] != 0.0 and below)
-        # A foot is held where it should be on the ground and is, or when it meets the ground early.
-        t.held[k] = 1.0 if touching and (g.stance[k] != 0.0 or g.phase[k] > 0.5) else 0.0
+    # A foot is held where it should be on the ground and is, or when it meets the ground early.
+    push, expected = np.sum(g.normal * foot_force, axis=1), g.stance != 0.0
+    below = _height_above(g, d.foot_position) <= 0.0
+    touching = (push > p.contact_threshold) | (expected & below)
+    t.held[:] = np.where(touching & (expected | (g.phase > 0.5)), 1.0, 0.0)
     hold_flat_feet(p.flat_feet, t.held)
     for k in range(t.held.shape[0]):
         if t.held[k] != 0.0 and g.load[k] != 0.0:
@@ -259,17 +254,11 @@ def share_of_load(g: GaitTargetRecord, k: int, double_support: float) -> float:
 
 
 @kernel
-def load_on(normal: Vector, force: Vector) -> float:
-    """Part of a force (3,) along a normal, N."""
-    return float(normal @ force)
-
-
-@kernel
-def below_ground(g: GaitTargetRecord, k: int, place: Vector) -> bool:
-    """Whether a foot is below the ground's tangent plane at its target."""
-    n, across = g.normal[k], place[:2] - g.body[:2] - g.foot_position[k, :2]
-    below: bool = n[2] * (place[2] - g.ground_height[k]) + n[:2] @ across <= 0.0
-    return below
+def _height_above(g: GaitTargetRecord, place: Vector) -> Vector:
+    """Distance (feet,) of the feet from the ground's tangent planes at their targets, m."""
+    off = place - g.body[:3] - g.foot_position
+    off[:, 2] = place[:, 2] - g.ground_height
+    return np.sum(g.normal * off, axis=1)
 
 
 @kernel

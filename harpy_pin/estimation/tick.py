@@ -120,7 +120,8 @@ def estimate(
     if intended and not unit:
         feel_intended(e)
     if legs:
-        _place_joints(e, joint_position, joint_velocity)
+        set_joint_angles(e.q, e.angle_place, e.unbounded, joint_position)
+        e.v[6:] = joint_velocity
     elif intended:
         move_joints(e, stance)
     if e.begun == 0:
@@ -202,13 +203,6 @@ def _doubt(e: EstimatorRecord, gap: float) -> None:
     variance = e.missing + (INTERPOLATED * gap) ** 2
     p[:3, :3] += variance * (DOUBT[0] * t) ** 2 * np.eye(3)
     p[3:6, 3:6] += (variance * (DOUBT[1] * t) ** 2 + jump @ jump * (gap * t) ** 2) * np.eye(3)
-
-
-@kernel
-def _place_joints(e: EstimatorRecord, position: Vector, velocity: Vector) -> None:
-    """Joint angles and velocities into the configuration."""
-    set_joint_angles(e.q, e.angle_place, e.unbounded, position)
-    e.v[6:] = velocity
 
 
 @kernel

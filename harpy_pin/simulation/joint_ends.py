@@ -74,7 +74,9 @@ def hold_at_ends(e: JointEndsRecord, q: Vector, v: Vector, bias: Vector) -> None
     """Take the torques of the joints' ends from the bias forces (nv,), N·m, at a state q (nq,), v
     (nv,).
     """
-    angle, damping = q[e.place], e.damping * v[e.column]
-    above = np.maximum(e.stiffness * (angle - e.upper) + damping, 0.0)
-    below = np.minimum(e.stiffness * (angle - e.lower) + damping, 0.0)
-    bias[e.column] += np.where(angle > e.upper, above, np.where(angle < e.lower, below, 0.0))
+    for k in range(e.place.shape[0]):
+        angle, j = q[e.place[k]], e.column[k]
+        if angle > e.upper[k]:
+            bias[j] += max(e.stiffness[k] * (angle - e.upper[k]) + e.damping[k] * v[j], 0.0)
+        elif angle < e.lower[k]:
+            bias[j] += min(e.stiffness[k] * (angle - e.lower[k]) + e.damping[k] * v[j], 0.0)

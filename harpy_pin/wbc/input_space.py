@@ -128,7 +128,7 @@ def _input_objective(
 ) -> None:
     """The tasks on accelerations and forces, in the inputs y."""
     hessian, gradient, free, response = qp.hessian, qp.gradient, m.drive, m.response
-    nv, nt = v.shape[0], d.thruster_jacobian.shape[0]
+    nv, nt = response.shape[0], d.thruster_jacobian.shape[0]
     qp.hessian[:] = 0.0
     qp.gradient[:] = 0.0
     diagonal(hessian)[:nt] = p.w_thrust
@@ -156,7 +156,7 @@ def _centre_task(
     gradient: Vector,
 ) -> None:
     """The centre of mass in the place of the body's origin, in the inputs y."""
-    motion, value = np.empty((3, v.shape[0])), np.empty(3)
+    motion, value = np.empty((3, d.bias.shape[0])), np.empty(3)
     body_rows(d, t, v, rotation, motion, value)
     value -= motion @ m.drive
     add_tasks(np.full(3, weight), motion @ m.response, value, hessian, gradient)
