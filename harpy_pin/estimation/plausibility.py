@@ -117,26 +117,21 @@ def believe_feet(e: EstimatorRecord) -> None:
     correct it. It also begins anew once readings are plausible again that were not, and whose
     biases and tilt were wrong.
     """
-    c, mean, own = e.contact, np.zeros(6), np.zeros((e.local_foot.shape[0], 6))
+    c, own = e.contact, np.empty((e.local_foot.shape[0], 6))
     wrong = WEIGHTLESS <= e.status <= TURNING
     e.astray = 1 if wrong else e.astray
     if LIGHT < e.gravity < HEAVY and e.borne > BORNE and e.up < UPRIGHT:
         level(e)
-    loaded, lost = 0.0, True
-    for k in range(own.shape[0]):
-        lost = lost and (c.probability[k] < LIKELY or (e.astray != 0 and not wrong))
-        if c.loaded[k] != 0:
-            still = e.local_speed[k]
-            own[k, :3], own[k, 3:] = np.cross(e.local_foot[k], e.angular_velocity) - still, still
-            mean += own[k]
-            loaded += 1.0
-    lost = lost and loaded > 1.0
-    spread = 0.0
-    for k in range(own.shape[0]):
-        if c.loaded[k] != 0:
-            off = own[k] - mean / loaded
-            lost = lost and np.max(abs(off[:3])) < AGREE
-            spread += (off[:3] @ off[:3] - 4.0 * off[3:] @ off[3:]) / loaded
+    on, astray = np.where(c.loaded != 0, 1.0, 0.0), e.astray != 0 and not wrong
+    own[:, :3] = np.cross(e.local_foot, e.angular_velocity) - e.local_speed
+    own[:, 3:] = e.local_speed
+    loaded = max(np.sum(on), 1.0)
+    mean = on @ own / loaded
+    off = own - mean
+    agree = (on == 0.0) | (np.max(abs(off[:, :3]), axis=1) < AGREE)
+    lost = np.all(agree & (astray | (c.probability < LIKELY))) and loaded > 1.0
+    square = np.sum(off[:, :3] ** 2, axis=1) - 4.0 * np.sum(off[:, 3:] ** 2, axis=1)
+    spread = on @ square / loaded
     if loaded > 1.0:
         e.turning += min(e.period / AVERAGE, 1.0) * (min(max(spread, -1.0), 1.0) - e.turning)
     e.lost = e.lost + e.filter.period if lost else 0.0
@@ -144,7 +139,7 @@ def believe_feet(e: EstimatorRecord) -> None:
         if not wrong:
             level(e)
             e.astray = 0
-        _begin_anew(e, mean[:3] / loaded)
+        _begin_anew(e, mean[:3])
         e.lost, e.settling = 0.0, SETTLES
 
 

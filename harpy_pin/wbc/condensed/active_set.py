@@ -375,9 +375,9 @@ def _turn(a: float, b: float) -> tuple[float, float, float]:
 @kernel
 def _rotate(matrix: Vector, k: int, first: int, c: float, s: float) -> None:
     """Rotate rows k and k + 1 from column ``first`` on."""
-    for i in range(first, matrix.shape[1]):
-        x, y = matrix[k, i], matrix[k + 1, i]
-        matrix[k, i], matrix[k + 1, i] = c * x + s * y, c * y - s * x
+    x, y = matrix[k] + 0.0, matrix[k + 1] + 0.0
+    matrix[k, first:] = c * x[first:] + s * y[first:]
+    matrix[k + 1, first:] = c * y[first:] - s * x[first:]
 
 
 @kernel
