@@ -172,7 +172,7 @@ def add_lacking(
     y, still = m.motion, m.still * m.still
     m.square += m.learning * (y * y - m.square)
     step = m.learning * m.gains[1] * error * y / (m.square + still[:, None])
-    m.lacking[:] = np.clip(m.lacking + step, 0.0, m.most)
+    m.lacking[:] = np.clip(m.lacking + step, 0.0, m.most[:, None])
     a = np.where(usable, acceleration[6 : 6 + joints], 0.0)
     m.motion[0] += m.share * (a - m.motion[0])
     m.motion[1] += m.share * (measured - m.motion[1])

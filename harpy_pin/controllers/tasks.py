@@ -258,7 +258,8 @@ def _height_above(g: GaitTargetRecord, place: Vector) -> Vector:
     """Distance (feet,) of the feet from the ground's tangent planes at their targets, m."""
     off = place - g.body[:3] - g.foot_position
     off[:, 2] = place[:, 2] - g.ground_height
-    return np.sum(g.normal * off, axis=1)
+    distance: Vector = np.sum(g.normal * off, axis=1)
+    return distance
 
 
 @kernel

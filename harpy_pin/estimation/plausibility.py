@@ -191,10 +191,10 @@ def judge(e: EstimatorRecord, good: bool, periods: float) -> int:
     )
     unsure = e.loose > FLIGHT or e.settling > 0.0
     variance = diagonal(f.covariance)[3:6]
-    consistent = consistent and np.all(abs(f.gyroscope_bias) <= BIASED * f.start[9:12])
-    consistent = consistent and np.all(abs(f.accelerometer_bias) <= SHAKEN * f.start[12:15])
+    steady = np.all(abs(f.gyroscope_bias) <= BIASED * f.start[9:12])
+    straight = np.all(abs(f.accelerometer_bias) <= SHAKEN * f.start[12:15])
     known = np.all((variance > 0.0) & (variance <= KNOWN * KNOWN))
-    if not consistent:
+    if not (consistent and steady and straight):
         return INCONSISTENT
     if periods > 1.0:
         return GAP

@@ -41,7 +41,7 @@ def contact_frames(normal: Vector, frame: Vector) -> None:
 @kernel
 def is_level(normal: Vector) -> bool:
     """Whether all normals (feet, 3) are vertical."""
-    return np.all((normal[:, 0] == 0.0) & (normal[:, 1] == 0.0))
+    return bool(np.all((normal[:, 0] == 0.0) & (normal[:, 1] == 0.0)))
 
 
 @kernel
@@ -49,7 +49,7 @@ def all_upward(normal: Vector) -> bool:
     """Whether all normals (feet, 3) that are not vertical point upwards and have length one."""
     x, y, z = normal[:, 0], normal[:, 1], normal[:, 2]
     error = abs(x * x + y * y + z * z - 1.0)
-    return np.all(((x == 0.0) & (y == 0.0)) | ((z > 0.0) & (error < LENGTH)))
+    return bool(np.all(((x == 0.0) & (y == 0.0)) | ((z > 0.0) & (error < LENGTH))))
 
 
 @kernel

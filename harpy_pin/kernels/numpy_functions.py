@@ -107,15 +107,18 @@ class NumpyFunctions(Arrays):
         index, before = self.fresh("k_"), self.emitted
         first, other = term(self.constant(0)), term(Number(INTEGER, index))
         refuse_if(self.emitted > before, "a sum of sums: give the inner one a name first")
-        total = Number(first.type, self.fresh("total"))
-        if isinstance(size, int) and size:
+        total, begins = Number(first.type, self.fresh("total")), 1
+        if first.type is INTEGER:
+            self.emit("{} {} = {};", str(total.type), total.code, none)
+            begins = 0
+        elif isinstance(size, int) and size:
             self.emit("{} {} = {};", str(total.type), total.code, first.code)
         else:
             begin = (str(total.type), total.code, size, first.code, none)
             self.emit("{} {} = {} > 0 ? {} : {};", *begin)
         joined = join(total, other).code
-        loop = "for (integer {} = 1; {} < {}; {}++) {} = {};"
-        self.emit(loop, index, index, size, index, total.code, joined)
+        loop = "for (integer {} = {}; {} < {}; {}++) {} = {};"
+        self.emit(loop, index, begins, index, size, index, total.code, joined)
         return total
 
     def _joined(
@@ -125,18 +128,19 @@ class NumpyFunctions(Arrays):
         if not isinstance(array, AnArray) or (axis is None and len(array.shape) != 1):
             raise Refused("what goes through a vector, of something else")
         n = 0 if axis is None else int(axis.constant or 0)
+        one = Number(number_type(array), Code("x"))
+        kind = join(one, one).type
 
         def rule(at: Sequence[Number]) -> Number:
             def term(k: Number) -> Number:
-                return self.element(array, [*at[:n], k, *at[n:]])
+                return self.cast(self.element(array, [*at[:n], k, *at[n:]]), kind)
 
             return self._through(array.shape[n], term, join, none)
 
         if axis is None:
             return rule(())
-        one = Number(number_type(array), Code("x"))
         shape = (*array.shape[:n], *array.shape[n + 1 :])
-        return Computed(join(one, one).type, shape, rule, elsewhere(array))
+        return Computed(kind, shape, rule, elsewhere(array))
 
     def cross(self, a: Value, b: Value) -> Computed:
         """``np.cross`` of vectors; one of them, or both, may be rows of a matrix."""

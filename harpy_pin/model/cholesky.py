@@ -46,9 +46,8 @@ def solve_transposed(lower: Vector, x: Vector, columns: int) -> None:
     for i in range(lower.shape[0] - 1, -1, -1):
         x[i, :columns] *= lower[i, i]
         for k in range(i):
-            factor = lower[i, k]
-            if factor != 0.0:
-                x[k, :columns] -= factor * x[i, :columns]
+            if lower[i, k] != 0.0:
+                x[k, :columns] -= lower[i, k] * x[i, :columns]
 
 
 @kernel(lower=("n", "n"), x=("n", "m"), columns="m")
@@ -56,9 +55,8 @@ def solve_factor(lower: Vector, x: Vector, columns: int) -> None:
     """x ← L⁻¹ x for the leading columns of x (n, ≥ columns)."""
     for i in range(lower.shape[0]):
         for k in range(i):
-            factor = lower[i, k]
-            if factor != 0.0:
-                x[i, :columns] -= factor * x[k, :columns]
+            if lower[i, k] != 0.0:
+                x[i, :columns] -= lower[i, k] * x[k, :columns]
         x[i, :columns] *= lower[i, i]
 
 
@@ -78,21 +76,19 @@ def add_product(a: Vector, b: Vector, out: Vector) -> None:
     """out ← out + A B; zeros of A are skipped."""
     for i in range(a.shape[0]):
         for k in range(a.shape[1]):
-            factor = a[i, k]
-            if factor != 0.0:
-                out[i] += factor * b[k]
+            if a[i, k] != 0.0:
+                out[i] += a[i, k] * b[k]
 
 
 @kernel
 def add_gram(columns: Vector, y: Vector, gram: Vector, product: Vector) -> None:
     """Lower triangle of G ← G + Cᵀ C, and p ← p + Cᵀ y; zeros of C are skipped."""
     for i in range(columns.shape[0]):
-        row, right = columns[i], y[i]
-        for a in range(row.shape[0]):
-            factor = row[a]
-            if factor != 0.0:
-                product[a] += factor * right
-                gram[a, : a + 1] += factor * row[: a + 1]
+        for a in range(columns.shape[1]):
+            x = columns[i, a]
+            if x != 0.0:
+                product[a] += x * y[i]
+                gram[a, : a + 1] += x * columns[i, : a + 1]
 
 
 @kernel(matrix=("n", "n"))

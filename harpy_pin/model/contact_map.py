@@ -101,7 +101,7 @@ def sticking_force(d: DynamicsRecord, w: ContactMapRecord, count: int) -> None:
     least = REDUNDANT * np.max(diagonal(held), initial=0.0)
     factorise(held, held, least)
     # where the reciprocal of a pivot is that of the floor
-    w.redundant = np.any(diagonal(held) ** 2 * least > 0.999)
+    w.redundant = int(np.any(diagonal(held) ** 2 * least > 0.999))
     if w.redundant:
         _square(contact, held, least)
         _times_delassus(contact, force[:count].reshape((count, 1)))

@@ -374,13 +374,13 @@ def write_thrusts(d: DynamicsRecord, variables: Vector, out: Vector) -> None:
 @kernel(array=("n",))
 def all_finite(array: Vector) -> bool:
     """Whether all entries of a vector are finite numbers."""
-    return np.all(abs(array) < np.inf)
+    return bool(np.all(abs(array) < np.inf))
 
 
 @kernel(array=("n",))
 def all_possible(array: Vector) -> bool:
     """Whether all entries of a vector are numbers within ``MAX_SAMPLE``."""
-    return np.all(abs(array) <= MAX_SAMPLE)
+    return bool(np.all(abs(array) <= MAX_SAMPLE))
 
 
 @kernel(array=("n", 3))

@@ -19,7 +19,7 @@ from harpy_pin.kernels import kernel
 from harpy_pin.model.record import ZERO, RecordOf, Records, make_record, sized
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
-from harpy_pin.model.terms import all_finite, joint_angles
+from harpy_pin.model.terms import all_finite
 from harpy_pin.simulation.thrusters import Thrusters
 
 MAX_BANDWIDTH = 1e6  # Hz
@@ -183,19 +183,22 @@ def drive_motors(m: MotorsRecord, command: Vector, q: Vector, v: Vector, dt: flo
     """
     x = m.rate * dt
     remaining = np.exp(-x)
-    joints = m.limit.shape[0]
-    goal, speed = command[:joints] + 0.0, v[6 : 6 + joints]
-    if m.has_law != 0:
-        off = m.law[0] - joint_angles(q, m.place, m.unbounded)
-        turns = np.floor(off / (2.0 * np.pi) + 0.5)
-        off -= np.where(m.unbounded != 0, 2.0 * np.pi * turns, 0.0)  # the short way round
-        goal += m.law[2] * off + m.law[3] * (m.law[1] - speed)
-        goal[:] = np.clip(goal, -m.peak, m.peak)
-    goal[:] = np.clip(goal, -m.limit, m.limit)
-    if m.no_load_speed < np.inf:
-        share = speed / m.no_load_speed
-        goal[:] = np.clip(goal, -m.stall * (1.0 + share), m.stall * (1.0 - share))
-    lag = np.where((m.settled == 0) | (x == np.inf), 0.0, m.torque - goal)
-    m.mean_torque[:] = goal + lag * (1.0 - remaining) / x
-    m.torque[:] = goal + lag * remaining
+    for j in range(command.shape[0]):
+        goal = command[j]
+        if m.has_law != 0:
+            k = m.place[j]
+            off = m.law[0, j] - (np.arctan2(q[k + 1], q[k]) if m.unbounded[j] else q[k])
+            if m.unbounded[j]:  # the short way round
+                off -= 2.0 * np.pi * np.floor(off / (2.0 * np.pi) + 0.5)
+            goal += m.law[2, j] * off + m.law[3, j] * (m.law[1, j] - v[6 + j])
+            goal = min(max(goal, -m.peak[j]), m.peak[j])
+        goal = min(max(goal, -m.limit[j]), m.limit[j])
+        if m.no_load_speed < np.inf:
+            share = v[6 + j] / m.no_load_speed
+            goal = min(max(goal, -m.stall[j] * (1.0 + share)), m.stall[j] * (1.0 - share))
+        if m.settled == 0 or x == np.inf:
+            m.torque[j] = m.mean_torque[j] = goal
+        else:
+            m.mean_torque[j] = goal + (m.torque[j] - goal) * (1.0 - remaining) / x
+            m.torque[j] = goal + (m.torque[j] - goal) * remaining
     m.settled = 1

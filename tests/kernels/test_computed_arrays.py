@@ -111,7 +111,12 @@ def test_sizes_that_are_known_at_run_time_only(p, q, v):
 def questions(a, b):
     b[:] = 0.0 + np.clip(b, -1.0, 3.0)
     a[:] = 0.0 + np.clip(a, b[:3], b[1:4])
-    return np.any(a > 1.0), np.all(a[:2] != b[:2]), np.all(b <= 3.0) | np.any(np.isnan(b))
+    return (
+        bool(a[0]),
+        np.any(a > 1.0),
+        np.all(a[:2] != b[:2]),
+        np.all(b <= 3.0) | np.any(np.isnan(b)),
+    )
 
 
 @given(reals(3), reals(9))
@@ -166,6 +171,7 @@ def along_an_axis(m, out):
         0.0 + np.min(out[:2], initial=-1.0),
         0.0 + np.max(out[:0], initial=sizes[0]),
         np.sum(good),
+        np.sum(out > 0.0),
         good[1],
         np.all(abs(out) < np.inf),
     )
