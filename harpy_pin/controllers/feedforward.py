@@ -86,9 +86,10 @@ def actuate_forward(
     thrusts(p, applied, v)
     _desired_forces(p, goal, w)
     _desired_acceleration(p, goal, w)
-    stance = (goal.stance != 0.0) & (foot_force[:, 2] > w.contact_threshold)
-    p.joint_p.reshape((2, 3))[:] = np.where(stance[:, None], w.stance_p, w.swing_p)
-    p.joint_d.reshape((2, 3))[:] = np.where(stance[:, None], w.stance_d, w.swing_d)
+    for k in range(2):
+        stance = goal.stance[k] != 0.0 and foot_force[k, 2] > w.contact_threshold
+        p.joint_p[3 * k : 3 * k + 3] = w.stance_p if stance else w.swing_p
+        p.joint_d[3 * k : 3 * k + 3] = w.stance_d if stance else w.swing_d
     track_foot(0, p, p.left, goal, q, v)
     track_foot(1, p, p.right, goal, q, v)
     _add_torques(p, w)

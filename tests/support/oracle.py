@@ -68,7 +68,7 @@ def product(a: Any, b: Any) -> Any:
 def total(values: Any, axis: int = 0) -> Any:
     """``np.sum`` along an axis, from the first to the last."""
     values = np.moveaxis(values, axis, 0)
-    return product(np.ones(len(values), values.dtype), values)
+    return product(np.ones(len(values), np.int64), values)
 
 
 NAMES: dict[str, Any] = {
