@@ -41,15 +41,21 @@ def contact_frames(normal: Vector, frame: Vector) -> None:
 @kernel
 def is_level(normal: Vector) -> bool:
     """Whether all normals (feet, 3) are vertical."""
-    return bool(np.all((normal[:, 0] == 0.0) & (normal[:, 1] == 0.0)))
+    level = True
+    for k in range(normal.shape[0]):
+        level = level and normal[k, 0] == 0.0 and normal[k, 1] == 0.0
+    return level
 
 
 @kernel
 def all_upward(normal: Vector) -> bool:
     """Whether all normals (feet, 3) that are not vertical point upwards and have length one."""
-    x, y, z = normal[:, 0], normal[:, 1], normal[:, 2]
-    error = abs(x * x + y * y + z * z - 1.0)
-    return bool(np.all(((x == 0.0) & (y == 0.0)) | ((z > 0.0) & (error < LENGTH))))
+    good = True
+    for k in range(normal.shape[0]):
+        x, y, z = normal[k, 0], normal[k, 1], normal[k, 2]
+        if x != 0.0 or y != 0.0:
+            good = good and z > 0.0 and abs(x * x + y * y + z * z - 1.0) < LENGTH
+    return good
 
 
 @kernel

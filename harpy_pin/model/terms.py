@@ -373,14 +373,22 @@ def write_thrusts(d: DynamicsRecord, variables: Vector, out: Vector) -> None:
 
 @kernel(array=("n",))
 def all_finite(array: Vector) -> bool:
-    """Whether all entries of a vector are finite numbers."""
-    return bool(np.all(abs(array) < np.inf))
+    """Whether all entries of a vector are finite numbers; a count, which compilers turn into vector
+    instructions.
+    """
+    bad = 0
+    for i in range(array.shape[0]):
+        bad += not abs(array[i]) < np.inf
+    return bad == 0
 
 
 @kernel(array=("n",))
 def all_possible(array: Vector) -> bool:
     """Whether all entries of a vector are numbers within ``MAX_SAMPLE``."""
-    return bool(np.all(abs(array) <= MAX_SAMPLE))
+    bad = 0
+    for i in range(array.shape[0]):
+        bad += not abs(array[i]) <= MAX_SAMPLE
+    return bad == 0
 
 
 @kernel(array=("n", 3))
