@@ -168,8 +168,7 @@ def draw(b: BatteryRecord, plant: PlantRecord, v: Vector, dt: float) -> None:
     thrusters, motors = plant.thrusters, plant.motors
     u, size = thrusters.mean_thrust, np.empty(thrusters.goal.shape[0])
     free = (u.shape[0] - size.shape[0]) // 2
-    for k in range(free):
-        size[k] = np.sqrt(u[3 * k : 3 * k + 3] @ u[3 * k : 3 * k + 3])
+    size[:free] = np.sqrt(np.sum(u[: 3 * free].reshape((free, 3)) ** 2, axis=1))
     size[free:] = abs(u[3 * free :])
     electrical = np.sum(b.thrust_power * size * np.sqrt(size))
     mechanical, heat = 0.0, 0.0

@@ -28,8 +28,8 @@ import numpy as np
 from harpy_pin import checks
 from harpy_pin.controllers.whole_body_tick import QP_TICKS, tick_of
 from harpy_pin.errors import InputError
-from harpy_pin.kernels import kernel
-from harpy_pin.model.cholesky import solve_factor, solve_transposed
+from harpy_pin.kernels import diagonal, kernel
+from harpy_pin.model.cholesky import add_product, solve_factor, solve_transposed
 from harpy_pin.model.dynamics import DynamicsRecord
 from harpy_pin.model.record import Record, RecordOf, field, make_record, sized
 from harpy_pin.model.state import Vector
@@ -140,9 +140,7 @@ def _build(
     root_acceleration(v, rotation, t, e.desired)
     eliminate_limbs(d, t, p, e, v)
     root_factor(e)
-    held = False
-    for k in range(t.held.shape[0]):
-        held = held or t.held[k] != 0.0
+    held = np.any(t.held != 0.0)
     if not held:
         _limit_thrusts(p, e, d.thruster_jacobian.shape[0])
     force_objective(t, p, e, m.response, qp)
@@ -150,16 +148,13 @@ def _build(
     force_bounds(t, p.pyramid.shape[0], qp.lower, qp.upper)
     friction_rows(t, p, qp, 0)
     first = qp.lower.shape[0] - m.at_rest.shape[0]
-    for c in range(m.at_rest.shape[0]):
-        row, low, high = first + c, p.input_lower[c], p.input_upper[c]
-        if held:
-            for a in range(m.response.shape[1]):
-                qp.inequality[row, a] = m.gain[c, a]
-            qp.lower[row], qp.upper[row] = low - m.at_rest[c], high - m.at_rest[c]
-        else:  # never active
-            qp.inequality[row] = 0.0
-            qp.lower[row], qp.upper[row] = -1.0, 1.0
-            m.at_rest[c] = min(max(m.at_rest[c], low), high)
+    if held:
+        qp.inequality[first:] = m.gain[:, : m.response.shape[1]]
+        qp.lower[first:], qp.upper[first:] = p.input_lower - m.at_rest, p.input_upper - m.at_rest
+    else:  # never active
+        qp.inequality[first:] = 0.0
+        qp.lower[first:], qp.upper[first:] = -1.0, 1.0
+        m.at_rest[:] = np.clip(m.at_rest, p.input_lower, p.input_upper)
 
 
 @kernel
@@ -175,8 +170,7 @@ def force_objective(
     """
     response[:] = e.force_map
     root_cost(e, response, qp)
-    for a in range(response.shape[1]):
-        qp.hessian[a, a] += p.w_force if t.held[a // 3] != 0.0 else 1.0
+    diagonal(qp.hessian)[:] += np.where(np.repeat(t.held, 3) != 0.0, p.w_force, 1.0)
 
 
 @kernel
@@ -189,9 +183,7 @@ def root_cost(e: CondensationRecord, response: Vector, qp: ProgramRecord) -> Non
     e.multiplier[:] = e.right_hand_side
     solve_transposed(e.factor, e.multiplier.reshape((6, 1)), 1)
     qp.gradient[:n] = -(response.T @ e.multiplier)
-    for a in range(n):
-        for b in range(a + 1):
-            qp.hessian[a, b] = qp.hessian[b, a] = response[:, a] @ response[:, b]
+    qp.hessian[:n, :n] = response.T @ response
 
 
 @kernel
@@ -216,45 +208,31 @@ def input_map(d: DynamicsRecord, t: TargetsRecord, m: ContactForceRecord, v: Vec
 def _motion_per_unit(t: TargetsRecord, m: ContactForceRecord, thrusts: int) -> None:
     """Generalised accelerations per unit of each force, into ``motion``."""
     e, free, motion = m.root, m.free, m.motion
-    for j in range(6):
-        motion[j] = e.inverse_body_weight[j] * e.mass[:, j] @ m.response
+    motion[:6] = e.inverse_body_weight[:, None] * (e.mass.T @ m.response)
     if e.centred:
-        root_of_centre(e, motion, free, motion.shape[1], 0.0)
-    others = e.others.shape[0]
-    first = thrusts + others
-    for c in range(others):
-        motion[e.others[c]] = free[thrusts + c]
-    limbs, joints, rows = e.inverse.shape
-    for k in range(limbs):
-        held = t.held[rows * k // 3] != 0.0
-        for b in range(joints):
-            row = motion[e.limb[k, b]]
-            row[:] = e.limb_map[k, b] @ motion[:6]
-            if not held:
-                row += e.inverse[k, b] @ free[first + rows * k : first + rows * (k + 1)]
+        root_of_centre(e, motion, free, 0.0)
+    first, rows = thrusts + e.others.shape[0], e.inverse.shape[2]
+    if e.others.shape[0] > 0:
+        motion[e.others] = free[thrusts:first]
+    for k in range(e.limb.shape[0]):
+        motion[e.limb[k]] = e.limb_map[k] @ motion[:6]
+        if t.held[rows * k // 3] == 0.0:
+            motion[e.limb[k]] += e.inverse[k] @ free[first + rows * k : first + rows * (k + 1)]
 
 
 @kernel
 def _input_per_unit(d: DynamicsRecord, t: TargetsRecord, m: ContactForceRecord) -> None:
     """Thrusts and torques per unit of each force, into ``gain``."""
-    e, gain, nv, thrusts = m.root, m.gain, d.bias.shape[0], d.thruster_jacobian.shape[0]
+    e, gain, thrusts, rows = m.root, m.gain, d.thruster_jacobian.shape[0], m.root.inverse.shape[2]
     gain[:thrusts] = m.free[:thrusts]
     gain[thrusts:] = 0.0
-    for j in range(6, nv):
-        row = gain[thrusts + j - 6]
-        for i in range(nv):
-            if d.mass_matrix[j, i] != 0.0:  # limbs do not feel each other
-                row += d.mass_matrix[j, i] * m.motion[i]
-        for c in range(thrusts):
-            if d.thruster_jacobian[c, j] != 0.0:
-                row -= d.thruster_jacobian[c, j] * m.free[c]
-    limbs, joints, rows = e.inverse.shape
-    for k in range(limbs):
+    add_product(d.mass_matrix[6:], m.motion, gain[thrusts:])  # limbs do not feel each other
+    if thrusts > 0:
+        add_product(-d.thruster_jacobian[:, 6:].T, m.free[:thrusts], gain[thrusts:])
+    for k in range(e.limb.shape[0]):
         if t.held[rows * k // 3] != 0.0:
-            jacobian, column = d.foot_jacobian[rows * k : rows * (k + 1)], rows * k
-            for b in range(joints):
-                j = e.limb[k, b]
-                gain[thrusts + j - 6, column : column + rows] -= jacobian[:, j]
+            jacobian = d.foot_jacobian[rows * k : rows * (k + 1)]
+            gain[thrusts + e.limb[k] - 6, rows * k : rows * (k + 1)] -= jacobian[:, e.limb[k]].T
 
 
 @kernel
@@ -272,8 +250,7 @@ def _limit_thrusts(p: FormulationRecord, e: CondensationRecord, thrusts: int) ->
                 found = True
                 e.free_acceleration[c] = high if u > high else low
                 e.inverse_weight[c] = 0.0
-                for i in range(6):
-                    e.right_hand_side[i] -= e.free_map[c, i] * e.free_acceleration[c]
+                e.right_hand_side -= e.free_map[c] * e.free_acceleration[c]
         if not found:
             break
         root_factor(e)
@@ -282,11 +259,7 @@ def _limit_thrusts(p: FormulationRecord, e: CondensationRecord, thrusts: int) ->
 @kernel
 def _inputs(m: ContactForceRecord, qp: ProgramRecord, z: Vector, out: Vector) -> None:
     """[u; τ] of contact forces."""
-    for c in range(out.shape[0]):
-        s = m.at_rest[c]
-        for a in range(z.shape[0]):
-            s += m.gain[c, a] * z[a]
-        out[c] = s
+    out[:] = m.at_rest + m.gain[:, : z.shape[0]] @ z
 
 
 @kernel

@@ -353,8 +353,7 @@ def _mark(most: LimitsRecord, torque: Vector, thrust: Vector, beyond: NDArray[np
     """Which torques, then which thrusts, are beyond their limits."""
     joints = torque.shape[0]
     beyond[:joints] = abs(torque) > most.torque_limit
-    for k in range(thrust.shape[0]):
-        beyond[joints + k] = np.sqrt(thrust[k] @ thrust[k]) > most.thrust_limit
+    beyond[joints:] = np.sqrt(np.sum(thrust * thrust, axis=1)) > most.thrust_limit
 
 
 @kernel
@@ -393,10 +392,7 @@ def _margins(
     """Friction margin and normal force that sticking demands under another command, after
     :func:`hold_forces`.
     """
-    count = 0
-    for k in range(out.shape[0]):
-        if out[k, 0] != np.inf:
-            count += 3
+    count = 3 * np.sum(out[:, 0] != np.inf)
     unconstrained_drive(d, v, torque, thrust.reshape(thrust.size), w.drive)
     sticking_force(d, w, count)
     for c in range(0, count, 3):

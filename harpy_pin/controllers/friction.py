@@ -166,9 +166,8 @@ def _filter(p: FrictionRecord, k: int, f: Vector, v: Vector) -> None:
     if p.loaded[k] == 0.0:
         p.loaded[k] = 1.0
         p.proven[k] = 0.0
-        for other in range(p.estimate.shape[0]):
-            if p.loaded[other] != 0.0:
-                p.estimate[k] = min(p.estimate[k], p.estimate[other])
+        others = np.where(p.loaded != 0.0, p.estimate, p.estimate[k])
+        p.estimate[k] = np.min(others)
     p.force[k] += weight * (f - p.force[k])
     p.velocity[k] += weight * (v[:2] - p.velocity[k])
     p.sweep[k] += weight * (f[2] * v[:2] - p.sweep[k])
@@ -241,8 +240,7 @@ def _fit(f: JointFrictionEstimateRecord, d: DynamicsRecord, v: Vector, foot_forc
     """Least squares with the residual of this tick."""
     thrusts, sums = d.thruster_jacobian.shape[0], f.sums
     residual = f.inputs[thrusts:] - d.bias[6:] - d.damping[6:] * v[6:]
-    for j in range(f.viscous.shape[0]):
-        residual[j] -= d.mass_matrix[6 + j] @ (v - f.velocity) / f.period
+    residual -= d.mass_matrix[6:] @ (v - f.velocity) / f.period
     residual += foot_force.reshape((f.force.size,)) @ d.foot_jacobian[:, 6:]
     residual += f.inputs[:thrusts] @ d.thruster_jacobian[:, 6:]
     speed = 0.5 * (v[6:] + f.velocity[6:])
@@ -253,14 +251,11 @@ def _fit(f: JointFrictionEstimateRecord, d: DynamicsRecord, v: Vector, foot_forc
     sums[:, 2] += sign * sign
     sums[:, 3] += speed * residual
     sums[:, 4] += sign * residual
-    for j in range(f.viscous.shape[0]):
-        s = sums[j]
-        first, last = s[0] + RIDGE, s[2] + RIDGE
-        determinant = first * last - s[1] * s[1]
-        viscous = (last * s[3] - s[1] * s[4]) / determinant
-        coulomb = (first * s[4] - s[1] * s[3]) / determinant
-        if viscous < 0.0:
-            viscous, coulomb = 0.0, s[4] / last
-        elif coulomb < 0.0:
-            viscous, coulomb = s[3] / first, 0.0
-        f.viscous[j], f.coulomb[j] = max(viscous, 0.0), max(coulomb, 0.0)
+    first, last = sums[:, 0] + RIDGE, sums[:, 2] + RIDGE
+    determinant = first * last - sums[:, 1] * sums[:, 1]
+    viscous = (last * sums[:, 3] - sums[:, 1] * sums[:, 4]) / determinant
+    coulomb = (first * sums[:, 4] - sums[:, 1] * sums[:, 3]) / determinant
+    # Where one of the two would be negative, it is zero and the other one is fitted alone.
+    f.viscous[:] = np.maximum(np.where(coulomb < 0.0, sums[:, 3] / first, viscous), 0.0)
+    f.viscous[:] = np.where(viscous < 0.0, 0.0, f.viscous)
+    f.coulomb[:] = np.maximum(np.where(viscous < 0.0, sums[:, 4] / last, coulomb), 0.0)

@@ -169,11 +169,10 @@ def add_lacking(
     error = speed - measured
     for k in range(held.shape[0]):
         error *= 1.0 - held[k] * m.moves[:, k]
-    for i in range(2):
-        y = m.motion[i]
-        m.square[i] += m.learning * (y * y - m.square[i])
-        step = m.learning * m.gains[1] * error * y / (m.square[i] + m.still[i] * m.still[i])
-        m.lacking[i] = np.clip(m.lacking[i] + step, 0.0, m.most[i])
+    y, still = m.motion, m.still * m.still
+    m.square += m.learning * (y * y - m.square)
+    step = m.learning * m.gains[1] * error * y / (m.square + still[:, None])
+    m.lacking[:] = np.clip(m.lacking + step, 0.0, m.most[:, None])
     a = np.where(usable, acceleration[6 : 6 + joints], 0.0)
     m.motion[0] += m.share * (a - m.motion[0])
     m.motion[1] += m.share * (measured - m.motion[1])

@@ -34,7 +34,14 @@ from harpy_pin.controllers.friction import (
     update_friction,
 )
 from harpy_pin.gaits.gait import GaitTargetRecord
-from harpy_pin.ground.contact_frame import all_upward, contact_frame, is_level, turn_feet
+from harpy_pin.ground.contact_frame import (
+    all_upward,
+    contact_frames,
+    is_level,
+    to_contacts,
+    to_worlds,
+    turn_feet,
+)
 from harpy_pin.kernels import kernel
 from harpy_pin.model.dynamics import DynamicsRecord
 from harpy_pin.model.entry import BAD, GOOD, MISFIT, all_finite, all_possible, all_possible_rows
@@ -122,19 +129,13 @@ def task_terms(
         note_centre_drift(d, t)
     _body_targets(d.tree, g, p, t, q, v)
     t.joints[:] = p.posture[0] * (p.rest - q[7:]) - p.posture[1] * v[6:]
-    for j in range(t.joints.shape[0]):
-        _stay_in_range(p, t, j, q[7 + j], v[6 + j])
+    _stay_in_range(p, t, q[7:], v[6:])
     level = is_level(g.normal)
-    for k in range(t.held.shape[0]):
-        push = foot_force[k, 2] if level else load_on(g.normal[k], foot_force[k])
-        below = (
-            d.foot_position[k, 2] <= g.ground_height[k]
-            if level
-            else below_ground(g, k, d.foot_position[k])
-        )
-        touching = push > p.contact_threshold or (g.stance[k] != 0.0 and below)
-        # A foot is held where it should be on the ground and is, or when it meets the ground early.
-        t.held[k] = 1.0 if touching and (g.stance[k] != 0.0 or g.phase[k] > 0.5) else 0.0
+    # A foot is held where it should be on the ground and is, or when it meets the ground early.
+    push, expected = np.sum(g.normal * foot_force, axis=1), g.stance != 0.0
+    below = _height_above(g, d.foot_position) <= 0.0
+    touching = (push > p.contact_threshold) | (expected & below)
+    t.held[:] = np.where(touching & (expected | (g.phase > 0.5)), 1.0, 0.0)
     hold_flat_feet(p.flat_feet, t.held)
     for k in range(t.held.shape[0]):
         if t.held[k] != 0.0 and g.load[k] != 0.0:
@@ -162,16 +163,14 @@ def task_terms(
 
 
 @kernel
-def _stay_in_range(
-    p: TaskSettingsRecord, t: TargetsRecord, j: int, angle: float, speed: float
-) -> None:
-    """Let joint j's task brake where its end is near."""
-    room = (p.ends[1, j] - angle if speed > 0.0 else angle - p.ends[0, j]) - MARGIN
-    fast = min(abs(speed) / np.sqrt(2.0 * BRAKE * max(room, LEAST_ROOM)), MOST_FAST)
-    share = min(max(fast - NEAR, 0.0) / (1.0 - NEAR), 1.0)
-    brake = BRAKE * fast * fast
-    t.joints[j] += share * ((-brake if speed > 0.0 else brake) - t.joints[j])
-    t.joint_share[j] = 1.0 + STIFFER * share * share
+def _stay_in_range(p: TaskSettingsRecord, t: TargetsRecord, angle: Vector, speed: Vector) -> None:
+    """Let the tasks of joints brake whose end is near."""
+    room = np.where(speed > 0.0, p.ends[1] - angle, angle - p.ends[0]) - MARGIN
+    fast = abs(speed) / np.sqrt(2.0 * BRAKE * np.maximum(room, LEAST_ROOM))
+    fast = np.minimum(fast, MOST_FAST)
+    share = np.minimum(np.maximum(fast - NEAR, 0.0) / (1.0 - NEAR), 1.0)
+    t.joints += share * (-np.copysign(BRAKE * fast * fast, speed) - t.joints)
+    t.joint_share[:] = 1.0 + STIFFER * share * share
 
 
 @kernel
@@ -255,17 +254,12 @@ def share_of_load(g: GaitTargetRecord, k: int, double_support: float) -> float:
 
 
 @kernel
-def load_on(normal: Vector, force: Vector) -> float:
-    """Part of a force (3,) along a normal, N."""
-    return float(normal @ force)
-
-
-@kernel
-def below_ground(g: GaitTargetRecord, k: int, place: Vector) -> bool:
-    """Whether a foot is below the ground's tangent plane at its target."""
-    n, across = g.normal[k], place[:2] - g.body[:2] - g.foot_position[k, :2]
-    below: bool = n[2] * (place[2] - g.ground_height[k]) + n[:2] @ across <= 0.0
-    return below
+def _height_above(g: GaitTargetRecord, place: Vector) -> Vector:
+    """Distance (feet,) of the feet from the ground's tangent planes at their targets, m."""
+    off = place - g.body[:3] - g.foot_position
+    off[:, 2] = place[:, 2] - g.ground_height
+    distance: Vector = np.sum(g.normal * off, axis=1)
+    return distance
 
 
 @kernel
@@ -274,13 +268,12 @@ def turn_into_contacts(r: TasksRecord, g: GaitTargetRecord, foot_force: Vector) 
     contacts.
     """
     d, t = r.dynamics, r.targets
-    for k in range(t.held.shape[0]):
-        contact_frame(*g.normal[k], t.frame[k])
+    contact_frames(g.normal, t.frame)
     _one_frame_for_a_sole(r)
     turn_feet(d, t.frame)
-    for k in range(t.held.shape[0]):
-        t.feet[k] = t.frame[k].T @ t.feet[k]
-        t.measured[k] = t.frame[k].T @ foot_force[k]
+    t.measured[:] = foot_force
+    to_contacts(t.frame, t.measured)
+    to_contacts(t.frame, t.feet)
     t.tilted = 1
 
 
@@ -290,8 +283,7 @@ def _one_frame_for_a_sole(r: TasksRecord) -> None:
     t, feet = r.targets, r.tasks.flat_feet
     first = 0
     for n in range(feet.shape[0]):
-        for k in range(first + 1, first + feet[n]):
-            t.frame[k] = t.frame[first]
+        t.frame[first : first + feet[n]] = t.frame[first] + 0.0
         first += feet[n]
 
 
@@ -299,8 +291,7 @@ def _one_frame_for_a_sole(r: TasksRecord) -> None:
 def forces_in_world(t: TargetsRecord, force: Vector) -> None:
     """Contact forces (3 feet,) in world axes, in place."""
     if t.tilted:
-        for k in range(t.held.shape[0]):
-            force[3 * k : 3 * k + 3] = t.frame[k] @ force[3 * k : 3 * k + 3]
+        to_worlds(t.frame, force.reshape((t.held.shape[0], 3)))
 
 
 @kernel(gravity=(3,), body=(3,))

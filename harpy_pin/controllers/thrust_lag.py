@@ -122,8 +122,8 @@ def keep_thrusts(r: ThrustLagRecord, rotation: Vector) -> None:
     count = r.goal.shape[0]
     free = (r.least.shape[0] - count) // 2  # three variables of each, one of each rotor
     share = CHANGE_SHARE * r.remaining if r.settled else 0.0
-    for k in range(free):
-        r.kept[3 * k : 3 * k + 3] = share * r.level[k] * (rotation @ r.direction[k])
+    level = (share * r.level[:free])[:, None]
+    r.kept[: 3 * free].reshape((free, 3))[:] = level * (r.direction[:free] @ rotation.T)
     r.kept[3 * free :] = share * r.level[free:]
 
 

@@ -63,9 +63,7 @@ def observe_torques(
     c.motion[:, 0] += weight * (c.acceleration[6:] - c.motion[:, 0])
     c.motion[:, 1] += weight * (c.velocity[6:] - c.motion[:, 1])
     c.motion[:, 2] += weight * (np.tanh(c.velocity[6:] / KNEE) - c.motion[:, 2])
-    c.external[:] = c.residual
-    for j in range(c.external.shape[0]):
-        c.external[j] += c.joint[j] @ c.motion[j]
+    c.external[:] = c.residual + np.sum(c.joint * c.motion, axis=1)
 
 
 @kernel
@@ -75,17 +73,14 @@ def learn_joints(c: ContactRecord, stance: Vector, phase: Vector, period: float)
     """
     keep = 1.0 - min(period / MEMORY, 1.0)
     for leg in range(c.leg_joints.shape[0]):
-        swings = True
-        for n in range(c.leg_feet.shape[1]):
-            k = c.leg_feet[leg, n]
-            if k >= 0 and not (stance[k] == 0.0 and LIFTED < phase[k] < EARLIEST):
-                swings = False
+        there = c.leg_feet[leg] >= 0
+        k = np.where(there, c.leg_feet[leg], 0)
+        away = (stance[k] == 0.0) & (phase[k] > LIFTED) & (phase[k] < EARLIEST)
+        swings = np.all(np.where(there, away, True))
         for i in range(c.leg_joints.shape[1]):
-            row = c.leg_joints[leg, i]
-            if swings and row >= 0:
-                _fit_joint(
-                    c.motion[row - 6], -c.residual[row - 6], c.sums[row - 6], c.joint[row - 6], keep
-                )
+            j = c.leg_joints[leg, i] - 6
+            if swings and j >= 0:
+                _fit_joint(c.motion[j], -c.residual[j], c.sums[j], c.joint[j], keep)
 
 
 @kernel
@@ -107,31 +102,23 @@ def _fit_joint(x: Vector, y: float, s: Vector, found: Vector, keep: float) -> No
 
 @kernel
 def leg_forces(c: ContactRecord, d: DynamicsRecord) -> None:
-    """The forces of every leg's feet, world axes."""
-    joints, feet, a, y = c.leg_joints.shape[1], c.leg_feet.shape[1], c.normal, c.moment
+    """The forces of every leg's feet, world axes: J (Jᵀ J + damping)⁻¹ τ."""
+    joints, feet = c.leg_joints.shape[1], c.leg_feet.shape[1]
     for leg in range(c.leg_joints.shape[0]):
-        a[:], y[:] = np.eye(joints), 0.0
-        for i in range(joints):
-            row = c.leg_joints[leg, i]
-            if row >= 0:
-                a[i, i], y[i] = c.damping, c.external[row - 6]
-                for j in range(i + 1):
-                    for n in range(feet):
-                        k = c.leg_feet[leg, n]
-                        if k >= 0:
-                            own = d.foot_jacobian[3 * k : 3 * k + 3]
-                            a[i, j] += own[:, row] @ own[:, c.leg_joints[leg, j]]
-        factorise(a, a)
-        solve_vector(a, y)
+        jacobian, there = np.zeros((3 * feet, joints)), c.leg_joints[leg] >= 0
+        column = np.where(there, c.leg_joints[leg], 6)
+        torque = np.where(there, c.external[column - 6], 0.0)
         for n in range(feet):
             k = c.leg_feet[leg, n]
             if k >= 0:
-                c.force[k] = 0.0
-                for i in range(joints):
-                    if c.leg_joints[leg, i] >= 0:
-                        c.force[k] += (
-                            y[i] * d.foot_jacobian[3 * k : 3 * k + 3, c.leg_joints[leg, i]]
-                        )
+                own = d.foot_jacobian[3 * k : 3 * k + 3, column]
+                jacobian[3 * n : 3 * n + 3] = np.where(there, own, 0.0)
+        normal = jacobian.T @ jacobian + c.damping * np.eye(joints)
+        factorise(normal, normal)
+        solve_vector(normal, torque)
+        for n in range(feet):
+            if c.leg_feet[leg, n] >= 0:
+                c.force[c.leg_feet[leg, n]] = jacobian[3 * n : 3 * n + 3] @ torque
 
 
 @kernel

@@ -359,8 +359,6 @@ def _record(
             near=NEAR * s.height_noise if np.isfinite(s.height_noise) else 0.0,
             leg_joints=joints_of,
             leg_feet=feet,
-            normal=np.zeros((joints_of.shape[1],) * 2),
-            moment=np.zeros(joints_of.shape[1]),
         ),
         dynamics=dynamics_record(robot, gravity=gravity),
         mounting=imu.rotation,

@@ -14,6 +14,7 @@ from harpy_pin.estimation.record import EstimatorRecord
 from harpy_pin.kernels import kernel
 from harpy_pin.model.entry import all_possible
 from harpy_pin.model.state import Vector
+from harpy_pin.model.terms import joint_angles, set_joint_angles
 
 LONGEST = 0.5
 """Time without readings of the joints for which the intended motion is taken, s."""
@@ -38,16 +39,10 @@ def feel_intended(e: EstimatorRecord) -> None:
 def move_joints(e: EstimatorRecord, stance: Vector) -> None:
     """Joints as intended, and the weight on the feet that the gait has in stance (feet,)."""
     t, c = e.filter.period, e.contact
-    for j in range(e.angle_place.shape[0]):
-        n, way = e.angle_place[j], t * (e.v[6 + j] + 0.5 * t * e.intended[6 + j])
-        if e.unbounded[j]:
-            angle = np.arctan2(e.q[n + 1], e.q[n]) + way
-            e.q[n], e.q[n + 1] = np.cos(angle), np.sin(angle)
-        else:
-            e.q[n] += way
-        e.v[6 + j] += t * e.intended[6 + j]
+    angle = joint_angles(e.q, e.angle_place, e.unbounded)
+    angle += t * (e.v[6:] + 0.5 * t * e.intended[6:])
+    set_joint_angles(e.q, e.angle_place, e.unbounded, angle)
+    e.v[6:] += t * e.intended[6:]
     bearing = float(c.weight @ stance)
-    for k in range(stance.shape[0]):
-        c.share[k] = stance[k]
-        c.force[k, :2] = 0.0
-        c.force[k, 2] = stance[k] * c.weight[k] * e.weight / max(bearing, c.weight[k])
+    c.share[:], c.force[:, :2] = stance, 0.0
+    c.force[:, 2] = stance * c.weight * e.weight / np.maximum(bearing, c.weight)

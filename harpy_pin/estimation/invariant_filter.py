@@ -31,7 +31,7 @@ from __future__ import annotations
 import numpy as np
 
 from harpy_pin.estimation.record import ERRORS, FilterRecord
-from harpy_pin.kernels import kernel
+from harpy_pin.kernels import diagonal, kernel
 from harpy_pin.model.cholesky import factorise, solve_transposed
 from harpy_pin.model.state import Vector
 from harpy_pin.model.vectors import exp, skew
@@ -52,8 +52,7 @@ def begin_filter(f: FilterRecord) -> None:
     f.covariance[:] = 0.0
     f.held[:] = 0
     f.innovation = 3.0
-    for i in range(ERRORS):
-        f.covariance[i, i] = f.start[i] ** 2
+    diagonal(f.covariance)[:ERRORS] = f.start**2
 
 
 @kernel(angular_velocity=(3,), acceleration=(3,), rolling="f.foothold")
@@ -71,8 +70,7 @@ def predict(
     way = t * (f.velocity + 0.5 * t * a)
     f.velocity += t * a
     f.position += way
-    for k in range(f.held.shape[0]):
-        f.foothold[k] += t * rolling[k] - way
+    f.foothold += t * rolling - way
     f.rotation[:] = orthonormalised(middle @ half)
 
 

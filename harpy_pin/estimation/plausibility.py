@@ -12,7 +12,7 @@ import numpy as np
 from harpy_pin.estimation.contact import LIKELY
 from harpy_pin.estimation.invariant_filter import leave
 from harpy_pin.estimation.record import ERRORS, EstimatorRecord
-from harpy_pin.kernels import kernel
+from harpy_pin.kernels import diagonal, kernel
 from harpy_pin.model.state import Vector
 from harpy_pin.model.vectors import exp
 
@@ -117,26 +117,21 @@ def believe_feet(e: EstimatorRecord) -> None:
     correct it. It also begins anew once readings are plausible again that were not, and whose
     biases and tilt were wrong.
     """
-    c, mean, own = e.contact, np.zeros(6), np.zeros((e.local_foot.shape[0], 6))
+    c, own = e.contact, np.empty((e.local_foot.shape[0], 6))
     wrong = WEIGHTLESS <= e.status <= TURNING
     e.astray = 1 if wrong else e.astray
     if LIGHT < e.gravity < HEAVY and e.borne > BORNE and e.up < UPRIGHT:
         level(e)
-    loaded, lost = 0.0, True
-    for k in range(own.shape[0]):
-        lost = lost and (c.probability[k] < LIKELY or (e.astray != 0 and not wrong))
-        if c.loaded[k] != 0:
-            still = e.local_speed[k]
-            own[k, :3], own[k, 3:] = np.cross(e.local_foot[k], e.angular_velocity) - still, still
-            mean += own[k]
-            loaded += 1.0
-    lost = lost and loaded > 1.0
-    spread = 0.0
-    for k in range(own.shape[0]):
-        if c.loaded[k] != 0:
-            off = own[k] - mean / loaded
-            lost = lost and np.max(abs(off[:3])) < AGREE
-            spread += (off[:3] @ off[:3] - 4.0 * off[3:] @ off[3:]) / loaded
+    on, astray = np.where(c.loaded != 0, 1.0, 0.0), e.astray != 0 and not wrong
+    own[:, :3] = np.cross(e.local_foot, e.angular_velocity) - e.local_speed
+    own[:, 3:] = e.local_speed
+    loaded = max(np.sum(on), 1.0)
+    mean = on @ own / loaded
+    off = own - mean
+    agree = (on == 0.0) | (np.max(abs(off[:, :3]), axis=1) < AGREE)
+    lost = np.all(agree & (astray | (c.probability < LIKELY))) and loaded > 1.0
+    square = np.sum(off[:, :3] ** 2, axis=1) - 4.0 * np.sum(off[:, 3:] ** 2, axis=1)
+    spread = on @ square / loaded
     if loaded > 1.0:
         e.turning += min(e.period / AVERAGE, 1.0) * (min(max(spread, -1.0), 1.0) - e.turning)
     e.lost = e.lost + e.filter.period if lost else 0.0
@@ -144,7 +139,7 @@ def believe_feet(e: EstimatorRecord) -> None:
         if not wrong:
             level(e)
             e.astray = 0
-        _begin_anew(e, mean[:3] / loaded)
+        _begin_anew(e, mean[:3])
         e.lost, e.settling = 0.0, SETTLES
 
 
@@ -157,14 +152,12 @@ def _begin_anew(e: EstimatorRecord, velocity: Vector) -> None:
     f, p = e.filter, e.filter.covariance
     for k in range(f.held.shape[0]):
         leave(f, k)
-    anew = f.rotation @ velocity
-    for i in range(ERRORS):
-        if not 6 <= i < 9:
-            p[i], p[:, i] = 0.0, 0.0
-            p[i, i] = f.start[i] ** 2
-    for i in range(3):
-        p[i, i], p[3 + i, 3 + i] = ANEW[0] ** 2 if i < 2 else 0.0, ANEW[1] ** 2
-        p[6 + i, 6 + i] += ((f.velocity[i] - anew[i]) * e.loose) ** 2
+    anew, variance = f.rotation @ velocity, diagonal(p)
+    p[:6], p[9:ERRORS] = 0.0, 0.0
+    p[:, :6], p[:, 9:ERRORS] = 0.0, 0.0
+    variance[:2], variance[3:6] = ANEW[0] ** 2, ANEW[1] ** 2
+    variance[6:9] += ((f.velocity - anew) * e.loose) ** 2
+    variance[9:ERRORS] = f.start[9:ERRORS] ** 2
     f.velocity[:] = anew
     f.gyroscope_bias[:] = 0.0
     f.accelerometer_bias[:] = 0.0
@@ -197,14 +190,14 @@ def judge(e: EstimatorRecord, good: bool, periods: float) -> int:
         and e.up > UPRIGHT
     )
     unsure = e.loose > FLIGHT or e.settling > 0.0
-    for i in range(3):
-        consistent = consistent and abs(f.gyroscope_bias[i]) <= BIASED * f.start[9 + i]
-        consistent = consistent and abs(f.accelerometer_bias[i]) <= SHAKEN * f.start[12 + i]
-        unsure = unsure or not 0.0 < f.covariance[3 + i, 3 + i] <= KNOWN * KNOWN
-    if not consistent:
+    variance = diagonal(f.covariance)[3:6]
+    steady = np.all(abs(f.gyroscope_bias) <= BIASED * f.start[9:12])
+    straight = np.all(abs(f.accelerometer_bias) <= SHAKEN * f.start[12:15])
+    known = np.all((variance > 0.0) & (variance <= KNOWN * KNOWN))
+    if not (consistent and steady and straight):
         return INCONSISTENT
     if periods > 1.0:
         return GAP
-    if unsure:
+    if unsure or not known:
         return NO_FOOTHOLD if e.loose > 0.0 else UNSURE
     return GOOD

@@ -88,8 +88,6 @@ class ContactRecord(RecordOf):
     )  # (feet,) 1 where force and gait alone say contact
     velocity: Vector = sized("nv")  # of the last step
     acceleration: Vector = sized("nv")  # of this step
-    normal: Vector  # (most joints of a leg, as many)
-    moment: Vector  # (most joints of a leg,)
 
 
 class EstimatorRecord(RecordOf):

@@ -37,7 +37,7 @@ from harpy_pin.estimation.record import EstimatorRecord
 from harpy_pin.kernels import kernel
 from harpy_pin.model.entry import HOLD_TICKS, all_possible
 from harpy_pin.model.state import Vector
-from harpy_pin.model.terms import place_bodies, point_terms
+from harpy_pin.model.terms import place_bodies, point_terms, set_joint_angles
 
 MOST_PERIODS = 100.0
 """Periods without a step that are made up for."""
@@ -120,7 +120,8 @@ def estimate(
     if intended and not unit:
         feel_intended(e)
     if legs:
-        _place_joints(e, joint_position, joint_velocity)
+        set_joint_angles(e.q, e.angle_place, e.unbounded, joint_position)
+        e.v[6:] = joint_velocity
     elif intended:
         move_joints(e, stance)
     if e.begun == 0:
@@ -202,18 +203,6 @@ def _doubt(e: EstimatorRecord, gap: float) -> None:
     variance = e.missing + (INTERPOLATED * gap) ** 2
     p[:3, :3] += variance * (DOUBT[0] * t) ** 2 * np.eye(3)
     p[3:6, 3:6] += (variance * (DOUBT[1] * t) ** 2 + jump @ jump * (gap * t) ** 2) * np.eye(3)
-
-
-@kernel
-def _place_joints(e: EstimatorRecord, position: Vector, velocity: Vector) -> None:
-    """Joint angles and velocities into the configuration."""
-    for j in range(position.shape[0]):
-        n = e.angle_place[j]
-        if e.unbounded[j]:
-            e.q[n], e.q[n + 1] = np.cos(position[j]), np.sin(position[j])
-        else:
-            e.q[n] = position[j]
-    e.v[6:] = velocity
 
 
 @kernel
@@ -337,10 +326,9 @@ def _local_feet(e: EstimatorRecord) -> None:
     axes.
     """
     d, r = e.dynamics, e.dynamics.tree.rotation
-    for k in range(e.local_foot.shape[0]):
-        place = r.T @ (d.foot_position[k] - e.q[:3])
-        e.local_foot[k] = place - e.place
-        e.local_speed[k] = r.T @ d.foot_velocity[k] - e.v[:3] - np.cross(e.angular_velocity, place)
+    place = (d.foot_position - e.q[:3]) @ r
+    e.local_foot[:] = place - e.place
+    e.local_speed[:] = d.foot_velocity @ r - e.v[:3] - np.cross(e.angular_velocity, place)
 
 
 @kernel
@@ -355,8 +343,7 @@ def _write_state(e: EstimatorRecord) -> None:
     """The estimate, with the feet that belong to it."""
     _body_state(e)
     f, r = e.filter, e.filter.rotation
-    for k in range(e.local_foot.shape[0]):
-        place = e.local_foot[k] + e.place
-        e.foot_position[k] = f.position + r @ e.local_foot[k]
-        e.foot_velocity[k] = r @ (e.local_speed[k] + e.v[:3] + np.cross(e.angular_velocity, place))
-        e.foot_force[k] = e.contact.share[k] * e.contact.force[k]
+    speed = e.local_speed + e.v[:3] + np.cross(e.angular_velocity, e.local_foot + e.place)
+    e.foot_position[:] = f.position + e.local_foot @ r.T
+    e.foot_velocity[:] = speed @ r.T
+    e.foot_force[:] = e.contact.share[:, None] * e.contact.force

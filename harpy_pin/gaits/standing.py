@@ -76,10 +76,9 @@ def _stay(t: float, p: StayingRecord, o: GaitTargetRecord) -> bool:
     o.body[:3] += 0.5 * (1.0 - c) * p.shift
     o.body[3:6] += 0.5 * rate * s * p.shift
     o.body[6:] += 0.5 * rate**2 * c * p.shift
-    for k in range(o.stance.shape[0]):
-        o.foot_position[k] = p.feet[k] - o.body[:3]
-        o.foot_velocity[k] = -o.body[3:6]
-        o.foot_acceleration[k] = -o.body[6:]
+    o.foot_position[:] = p.feet - o.body[:3]
+    o.foot_velocity[:] = -o.body[3:6]
+    o.foot_acceleration[:] = -o.body[6:]
     o.body[2] += p.height
     o.heading[0] = -p.facing
     o.foot_position[:, 2] -= p.penetration_offset

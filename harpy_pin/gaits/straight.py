@@ -130,9 +130,8 @@ def _walk(t: float, p: StraightRecord, o: GaitTargetRecord) -> bool:
     if p.speed == 0.0:  # both feet on the ground, half-way through their stance
         o.body[:] = 0.0
         o.body[2] = p.height
-        for k in range(2):
-            o.foot_position[k] = p.stance_curve[2]
-            o.stance[k], o.phase[k] = 1.0, 0.5
+        o.foot_position[:] = p.stance_curve[2]
+        o.stance[:], o.phase[:] = 1.0, 0.5
         o.foot_position[1, 1] = -p.stance_curve[2, 1]
         return True
     _body(t, p, o.body)

@@ -6,8 +6,14 @@ import numpy as np
 
 from harpy_pin.governors.contact_force_parameters import ContactForceFilterParameters
 from harpy_pin.governors.governor import StatusRecord
-from harpy_pin.ground.contact_frame import all_upward, contact_frame, is_level, turn_feet
-from harpy_pin.kernels import kernel
+from harpy_pin.ground.contact_frame import (
+    all_upward,
+    contact_frames,
+    is_level,
+    to_worlds,
+    turn_feet,
+)
+from harpy_pin.kernels import diagonal, kernel
 from harpy_pin.model.cholesky import factorise, solve_factor, solve_transposed, solve_vector
 from harpy_pin.model.contact_map import (
     ContactMapRecord,
@@ -120,8 +126,7 @@ def hold_forces(
         return -1.0
     level = is_level(g.normal)
     if not level:
-        for k in range(g.frame.shape[0]):
-            contact_frame(*g.normal[k], g.frame[k])
+        contact_frames(g.normal, g.frame)
         turn_feet(d, g.frame)
     count = demand(d, w, g, v, foot_force, torque, thrust)
     g.target[:] = 0.0
@@ -135,8 +140,7 @@ def hold_forces(
     _bend(d, w, g, torque, thrust)
     excess = _remaining(w, g, count)
     if not level:
-        for k in range(g.frame.shape[0]):
-            g.force[k] = g.frame[k] @ g.force[k]
+        to_worlds(g.frame, g.force)
     return excess
 
 
@@ -252,12 +256,10 @@ def _lift_change(
     """
     hessian, lift, response = g.hessian, g.lift[:, :count], w.response
     ny, nt = hessian.shape[0], d.thruster_jacobian.shape[0]
-    hessian[:] = 0.0
-    for y in range(ny):
-        hessian[y, y] = g.thrust if y < nt else g.torque
-    for i in range(3):
-        hessian += np.outer(g.linear[i] * response[i], response[i])
-        hessian += np.outer(g.angular[i] * response[3 + i], response[3 + i])
+    weight = np.array([*g.linear, *g.angular])
+    hessian[:] = response[:6].T @ (weight[:, None] * response[:6])
+    diagonal(hessian)[:nt] += g.thrust
+    diagonal(hessian)[nt:] += g.torque
     c = 0
     for r in range(d.foot_jacobian.shape[0]):
         if c < count and w.rows[c] == r:

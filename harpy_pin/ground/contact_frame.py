@@ -28,6 +28,16 @@ def contact_frame(x: float, y: float, z: float, out: Vector) -> None:
     out[2] = -x, -y, z
 
 
+@kernel(normal=("n", 3), frame=("n", 3, 3))
+def contact_frames(normal: Vector, frame: Vector) -> None:
+    """The frames of normals (n, 3): 1 − n nᵀ / (1 + n_z) along the first two axes, then n."""
+    across = normal[:, :2]
+    share = across / (1.0 + normal[:, 2:])
+    frame[:, :2, :2] = np.eye(2) - share[:, :, None] * across[:, None]
+    frame[:, 2, :2] = -across
+    frame[:, :, 2] = normal
+
+
 @kernel
 def is_level(normal: Vector) -> bool:
     """Whether all normals (feet, 3) are vertical."""
@@ -58,6 +68,18 @@ def to_contact(frame: Vector, vector: Vector) -> None:
 def to_world(frame: Vector, vector: Vector) -> None:
     """A vector (3,) of the contact's axes in those of the world, in place."""
     vector[:] = frame @ vector
+
+
+@kernel
+def to_contacts(frame: Vector, vector: Vector) -> None:
+    """Vectors (feet, 3) of world axes in those of their contacts, in place."""
+    vector[:] = np.sum(frame * vector[:, :, None], axis=1)
+
+
+@kernel
+def to_worlds(frame: Vector, vector: Vector) -> None:
+    """Vectors (feet, 3) of the contacts' axes in those of the world, in place."""
+    vector[:] = np.sum(frame * vector[:, None], axis=2)
 
 
 def in_contact_frames(normal: Vector, vectors: Vector) -> Vector:

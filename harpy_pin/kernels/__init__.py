@@ -16,6 +16,7 @@ stands for. ``kernels`` is the decorator, ``entry_points`` and ``bridge`` are wh
 """
 
 from harpy_pin.kernels.kernels import Kernel, kernel
+from harpy_pin.kernels.numpy_functions import diagonal
 from harpy_pin.kernels.types import ByPrecision
 
-__all__ = ["ByPrecision", "Kernel", "kernel"]
+__all__ = ["ByPrecision", "Kernel", "diagonal", "kernel"]

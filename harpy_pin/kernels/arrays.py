@@ -62,7 +62,7 @@ class Arrays(Numbers):
             return operation(*map(as_number, values))
         shape = arrays[0].shape
         for array in arrays[1:]:
-            shape = self.common_shape(shape, array.shape)
+            shape = self._stretched(shape, array.shape)
         parts = [_plain(value) if 0 in shape else self.operand(value) for value in values]
 
         def rule(indices: Sequence[Number]) -> Number:
@@ -70,13 +70,18 @@ class Arrays(Numbers):
 
         kind = operation(*(Number(number_type(part), Code("x")) for part in parts)).type
         reads = tuple(
-            read for array in parts if isinstance(array, AnArray) for read in read_by(array)
+            read for array in parts if isinstance(array, AnArray) for read in read_in(array, shape)
         )
         return Computed(kind, shape, rule, reads)
 
     def _at(self, value: Value, indices: Sequence[Number]) -> Number:
-        """An element of an array, or the number that every element is."""
-        return self.element(value, indices) if isinstance(value, AnArray) else as_number(value)
+        """An element of an array that is stretched to so many axes, or the number that every
+        element is.
+        """
+        if not isinstance(value, AnArray):
+            return as_number(value)
+        own = zip(value.shape, indices[len(indices) - len(value.shape) :], strict=True)
+        return self.element(value, [self.constant(0) if n == 1 else index for n, index in own])
 
     def operand(self, value: Value) -> Number | AnArray:
         """An array, or a number that is computed once."""
@@ -87,7 +92,7 @@ class Arrays(Numbers):
         return number if simple else self.keep("factor", number)
 
     def common_shape(self, a: Shape, b: Shape, *, written: bool = False) -> Shape:
-        """The shape of two arrays that must have the same; one row for many is Python's alone.
+        """The shape of two arrays that must have the same.
 
         Where the first one is ``written``, an axis of one element tells that the other has one,
         too.
@@ -101,6 +106,18 @@ class Arrays(Numbers):
             if self.unit.debug and x != y:
                 self.emit("{}({}, {}, {}, __LINE__);", self.unit.helper("within"), x, y, x)
         return tuple(x if isinstance(x, int) else y for x, y in pairs)
+
+    def _stretched(self, a: Shape, b: Shape) -> Shape:
+        """NumPy's shape of an operation on two arrays: that of fewer axes counts for all along the
+        first ones, and one element for all along its axis.
+        """
+        first, other = (a, b) if len(a) >= len(b) else (b, a)
+        front = len(first) - len(other)
+        sizes = [
+            y if x == 1 else x if y == 1 else self.common_shape((x,), (y,))[0]
+            for x, y in zip(first[front:], other, strict=True)
+        ]
+        return (*first[:front], *sizes)
 
     def choice(self, condition: Number, a: Value, b: Value) -> Value:
         """One of two values; of arrays that are computed, elements are chosen."""
@@ -129,8 +146,8 @@ class Arrays(Numbers):
         codes = self.cast(a, kind).code, self.cast(b, kind).code
         return Number(kind, choice_of(self.cast(condition, BOOLEAN).code, *codes))
 
-    def space(self, name: str, shape: Shape) -> View:
-        """Work space for real numbers; its size is known when compiling."""
+    def space(self, name: str, shape: Shape, kind: Scalar = REAL) -> View:
+        """Work space; its size is known when compiling."""
         sizes = known(shape)
         if sizes is None:
             raise Refused(
@@ -138,12 +155,12 @@ class Arrays(Numbers):
                 "work space"
             )
         if 0 in sizes:
-            return View(Array.packed(REAL, shape), Code("NULL"))
-        declared = f"{REAL} {{}}[{prod(sizes)}]"
+            return View(Array.packed(kind, shape), Code("NULL"))
+        declared = f"{kind} {{}}[{prod(sizes)}]"
         own = self.variable(name, self.unit.identifier(name), declared, array=True).name
         self.work.append(own)
         memory = frozenset((own,))
-        return View(Array.packed(REAL, shape), variable(own), None, memory, memory)
+        return View(Array.packed(kind, shape), variable(own), None, memory, memory)
 
     def in_memory(self, array: AnArray, name: str = "array") -> View:
         """An array that is in memory, where it is written before the statement if it is
@@ -151,7 +168,7 @@ class Arrays(Numbers):
         """
         if isinstance(array, View):
             return replace(array, made=False)
-        made = self.space(name, array.shape)
+        made = self.space(name, array.shape, array.element)
         if array.rule is not None:
             self.fill(made, array)
         return made
@@ -179,7 +196,9 @@ class Arrays(Numbers):
         sizes = [size if isinstance(size, int) else SHORT + 1 for size in place.shape]
         short = prod(sizes) <= SHORT
         if isinstance(value, AnArray):
-            self.common_shape(place.shape, value.shape, written=True)
+            own = place.shape[-len(value.shape) :]
+            all_of = (x if y == 1 else y for x, y in zip(own, value.shape, strict=False))
+            self.common_shape(own, (*all_of, *value.shape[len(own) :]), written=True)
             value = value if short else self._apart(place, value)
         if isinstance(value, Computed) and value.every is not None:
             value = value.every
@@ -225,7 +244,7 @@ class Arrays(Numbers):
         """The array where writing another one does not change what is still to be read."""
         target, overlap = place.target, may_overlap if isinstance(place, View) else may_meet
         assert target is not None
-        reads = read_by(value)
+        reads = read_in(value, place.shape)
         shared = [(array, here) for array, here in reads if target.roots & array.roots]
         if any((overlap if here else may_meet)(target, array) for array, here in shared):
             if isinstance(value, View):
@@ -272,6 +291,13 @@ def read_by(value: AnArray) -> tuple[tuple[View, bool], ...]:
     read.
     """
     return ((value, True),) if isinstance(value, View) else value.reads
+
+
+def read_in(value: AnArray, shape: Shape) -> tuple[tuple[View, bool], ...]:
+    """The same for an array that is stretched to a shape: that reads one element for several."""
+    same = len(value.shape) == len(shape)
+    same = same and all(x != 1 or y == 1 for x, y in zip(value.shape, shape, strict=True))
+    return read_by(value) if same else elsewhere(value)
 
 
 def elsewhere(*values: AnArray) -> tuple[tuple[View, bool], ...]:

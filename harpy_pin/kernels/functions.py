@@ -15,7 +15,7 @@ from harpy_pin.kernels.assignments import Learnt, Wider
 from harpy_pin.kernels.body import line_of
 from harpy_pin.kernels.code import Code, c, joined, variable
 from harpy_pin.kernels.numbers import EXTREMES, LIBRARY, OF_TWO
-from harpy_pin.kernels.numpy_functions import FUNCTIONS
+from harpy_pin.kernels.numpy_functions import FUNCTIONS, KEYWORDS
 from harpy_pin.kernels.overlaps import stems, ways_of_caller
 from harpy_pin.kernels.source import Source, kernel_of, source_of
 from harpy_pin.kernels.statements import RESULT, Statements
@@ -141,13 +141,14 @@ class _Function(Statements):
             return self._call_kernel(function, self._arguments(node, source_of(function.py_func)))
         if not any(function is one for one in (*LIBRARY, *FUNCTIONS)):
             raise refused(node.func, " is no kernel and none of the functions that kernels have")
-        if node.keywords:
+        if not {keyword.arg for keyword in node.keywords} <= KEYWORDS.get(function, set()):
             raise refused(node, ": arguments by name")
+        options = {str(keyword.arg): self.number(keyword.value) for keyword in node.keywords}
         arguments = self._tuple(ast.Tuple(list(map(_as_tuples, node.args)))).items
         if function in FUNCTIONS:
             count, make = FUNCTIONS[function]
             if len(arguments) == count:
-                return make(self, *arguments)
+                return make(self, *arguments, **options)
         else:
             count = 2 if function in EXTREMES or function in OF_TWO else 1
             if len(arguments) == count or (len(arguments) > count and function in EXTREMES):

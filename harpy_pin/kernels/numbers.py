@@ -41,7 +41,7 @@ MATHEMATICS = {
 PREDICATES = {np.isfinite: "isfinite", np.isnan: "isnan"}
 OF_TWO = (np.arctan2, np.hypot, np.copysign)  # functions of two numbers
 EXTREMES = {builtins.min: "min", builtins.max: "max"}
-LIBRARY = (*MATHEMATICS, *PREDICATES, *EXTREMES, abs, np.abs, int, np.int64, float)
+LIBRARY = (*MATHEMATICS, *PREDICATES, *EXTREMES, abs, np.abs, int, np.int64, float, bool)
 """All functions of numbers."""
 LARGEST_POWER = 4
 """Powers up to this one are products."""
@@ -205,7 +205,8 @@ class Numbers(Body):
             if first.type is REAL:
                 return self._called(self.unit.function("fabs"), first)
             return self.helped(INTEGER, "integer_abs", first)
-        return self.real(first) if function is builtins.float else self.cast(first, INTEGER)
+        kinds = {builtins.float: REAL, builtins.bool: BOOLEAN}
+        return self.cast(first, kinds.get(function, INTEGER))
 
 
 def choice_of(condition: Code, a: Code, b: Code) -> Code:

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from harpy_pin.kernels.arrays import Arrays, as_number, elsewhere, number_type
+from harpy_pin.kernels.code import Code, c
 from harpy_pin.kernels.numbers import COMPARISONS
 from harpy_pin.kernels.types import BOOLEAN, INTEGER, REAL, Array, Size, known
 from harpy_pin.kernels.values import (
@@ -93,7 +94,7 @@ class NumpyFunctions(Arrays):
         return self.calculation(ast.Add, a, b)
 
     def _through(
-        self, size: Size, term: Callable[[Number], Number], join: Join, none: str
+        self, size: Size, term: Callable[[Number], Number], join: Join, none: Code | str
     ) -> Number:
         """Terms joined to one number, from the first to the last: written out, or by a loop before
         the statement.
@@ -106,22 +107,40 @@ class NumpyFunctions(Arrays):
         index, before = self.fresh("k_"), self.emitted
         first, other = term(self.constant(0)), term(Number(INTEGER, index))
         refuse_if(self.emitted > before, "a sum of sums: give the inner one a name first")
-        total = Number(first.type, self.fresh("total"))
-        if isinstance(size, int) and size:
+        total, begins = Number(first.type, self.fresh("total")), 1
+        if first.type is INTEGER:
+            self.emit("{} {} = {};", str(total.type), total.code, none)
+            begins = 0
+        elif isinstance(size, int) and size:
             self.emit("{} {} = {};", str(total.type), total.code, first.code)
         else:
             begin = (str(total.type), total.code, size, first.code, none)
             self.emit("{} {} = {} > 0 ? {} : {};", *begin)
         joined = join(total, other).code
-        loop = "for (integer {} = 1; {} < {}; {}++) {} = {};"
-        self.emit(loop, index, index, size, index, total.code, joined)
+        loop = "for (integer {} = {}; {} < {}; {}++) {} = {};"
+        self.emit(loop, index, begins, index, size, index, total.code, joined)
         return total
 
-    def _of_vector(self, array: Value, join: Join, none: str) -> Number:
-        """All elements of a vector joined to one number."""
-        if not isinstance(array, AnArray) or len(array.shape) != 1:
+    def _joined(
+        self, array: Value, join: Join, none: Code | str, axis: Number | None = None
+    ) -> Number | Computed:
+        """All elements of a vector joined to one number, or those along one axis."""
+        if not isinstance(array, AnArray) or (axis is None and len(array.shape) != 1):
             raise Refused("what goes through a vector, of something else")
-        return self._through(array.shape[0], lambda k: self.element(array, [k]), join, none)
+        n = 0 if axis is None else int(axis.constant or 0)
+        one = Number(number_type(array), Code("x"))
+        kind = join(one, one).type
+
+        def rule(at: Sequence[Number]) -> Number:
+            def term(k: Number) -> Number:
+                return self.cast(self.element(array, [*at[:n], k, *at[n:]]), kind)
+
+            return self._through(array.shape[n], term, join, none)
+
+        if axis is None:
+            return rule(())
+        shape = (*array.shape[:n], *array.shape[n + 1 :])
+        return Computed(kind, shape, rule, elsewhere(array))
 
     def cross(self, a: Value, b: Value) -> Computed:
         """``np.cross`` of vectors; one of them, or both, may be rows of a matrix."""
@@ -167,6 +186,26 @@ class NumpyFunctions(Arrays):
             number_type(a), a.shape[::-1], lambda at: self.element(a, at[::-1]), elsewhere(a)
         )
 
+    def diagonal(self, matrix: Value) -> View:
+        """:func:`diagonal`."""
+        if not isinstance(matrix, View) or len(matrix.shape) != 2:
+            raise Refused("the diagonal of what is no matrix in memory")
+        shape = self.common_shape(matrix.shape[:1], matrix.shape[1:])
+        step = self.calculation(ast.Add, *map(self.size, matrix.type.strides))
+        return replace(matrix, type=Array(matrix.element, shape, sizes_of(step)))
+
+    def repeat(self, vector: Value, count: Value) -> Computed:
+        """``np.repeat``."""
+        if not isinstance(vector, AnArray) or len(vector.shape) != 1:
+            raise Refused("np.repeat of what is no vector")
+        times = as_number(count)
+        size = self.calculation(ast.Mult, self.size(vector.shape[0]), times)
+
+        def rule(at: Sequence[Number]) -> Number:
+            return self.element(vector, [self.calculation(ast.FloorDiv, at[0], times)])
+
+        return Computed(number_type(vector), sizes_of(size), rule, elsewhere(vector))
+
     def array_of(self, items: Value) -> View:
         """Numbers, or vectors of one length, as an array."""
         rows = [self.items_of(item) for item in self.items_of(items)]
@@ -190,15 +229,15 @@ class NumpyFunctions(Arrays):
         (n,) = sizes_of(size)
         return Computed(REAL, (n, n), lambda at: self.real(self.comparison(ast.Eq, *at)))
 
-    def work_space(self, shape: Value, *, zero: bool) -> Computed:
-        """``np.zeros`` and ``np.empty``."""
+    def work_space(self, shape: Value, every: Value | None = None) -> Computed:
+        """``np.empty``, or ``np.full`` and ``np.zeros`` with what all elements are."""
         sizes = known(sizes_of(shape))
         if sizes is None:
             raise Refused("work space of a size that is not known when compiling")
-        every = self.constant(0.0)
-        return (
-            Computed(REAL, sizes, lambda _: every, every=every) if zero else Computed(REAL, sizes)
-        )
+        if every is None:
+            return Computed(REAL, sizes)
+        number = self.real(as_number(self.operand(as_number(every))))
+        return Computed(REAL, sizes, lambda _: number, every=number)
 
     def extreme(self, name: str, a: Value, b: Value) -> Number | Computed:
         """``np.maximum`` or ``np.minimum``, which pass on what is no number."""
@@ -211,26 +250,64 @@ class NumpyFunctions(Arrays):
         """``np.clip``."""
         return self.extreme("minimum", self.extreme("maximum", a, low), high)
 
-    def most(self, name: str, array: Value) -> Number:
+    def most(
+        self, name: str, array: Value, axis: Number | None = None, initial: Number | None = None
+    ) -> Number | Computed:
         """``np.max`` or ``np.min``."""
-        return self._of_vector(array, partial(self._extreme_of_numbers, name), "0")
+        none = "0" if initial is None else initial.code
+        found = self._joined(array, partial(self._extreme_of_numbers, name), none, axis)
+        return found if initial is None else self.extreme(name, found, initial)
 
-    def sum(self, array: Value) -> Number:
+    def place_of(self, beside: str, vector: Value) -> Number:
+        """``np.argmax`` or ``np.argmin``: the first extreme, or the first that is no number."""
+        if not isinstance(vector, AnArray) or len(vector.shape) != 1:
+            raise Refused("the place in what is no vector")
+        size = vector.shape[0]
+        k, found, best, one = map(self.fresh, ("k_", "place", "best", "one"))
+        first, other = (
+            self.real(self.element(vector, [at])).code
+            for at in (self.constant(0), Number(INTEGER, k))
+        )
+        self.emit("integer {} = 0;", found)
+        self.emit("real {} = {} > 0 ? {} : 0;", best, size, first)
+        with self.block(c("for (integer {} = 1; {} < {}; {}++)", k, k, size, k), loop=True):
+            self.emit("const real {} = {};", one, other)
+            better = (one, beside, best, best, best)
+            with self.block(c("if (!({} {} {}) && {} == {})", *better)):
+                self.emit("{} = {};", best, one)
+                self.emit("{} = {};", found, k)
+        return Number(INTEGER, found)
+
+    def sum(self, array: Value, axis: Number | None = None) -> Number | Computed:
         """``np.sum``."""
-        return self._of_vector(array, self._plus, "0")
+        return self._joined(array, self._plus, "0", axis)
 
-    def question(self, operator: type[ast.operator], array: Value, none: str) -> Number:
-        """``np.any`` or ``np.all`` of a vector of truth values."""
+    def question(
+        self, operator: type[ast.operator], array: Value, none: str, axis: Number | None = None
+    ) -> Number | Computed:
+        """``np.any`` or ``np.all`` of truth values, which become as wide as real numbers: so
+        compilers do several at once.
+        """
         if not isinstance(array, AnArray) or number_type(array) is not BOOLEAN:
             raise Refused("np.any or np.all of what are no truth values")
-        return self._of_vector(array, partial(self.calculation, operator), none)
+        numbers = self.elementwise(lambda truth: self.cast(truth, INTEGER), array)
+        found = self._joined(numbers, partial(self.calculation, operator), none, axis)
+        return self.elementwise(lambda number: self.cast(number, BOOLEAN), found)
+
+
+def diagonal(matrix: Any) -> Any:
+    """The diagonal of a square matrix, as a part of it that can be written."""
+    return np.einsum("ii->i", matrix)
 
 
 FUNCTIONS: dict[Any, tuple[int, Callable[..., Value]]] = {
     np.array: (1, NumpyFunctions.array_of),
-    np.zeros: (1, partial(NumpyFunctions.work_space, zero=True)),
-    np.empty: (1, partial(NumpyFunctions.work_space, zero=False)),
+    np.zeros: (1, lambda body, shape: body.work_space(shape, body.constant(0.0))),
+    np.empty: (1, NumpyFunctions.work_space),
+    np.full: (2, NumpyFunctions.work_space),
     np.eye: (1, NumpyFunctions.eye),
+    np.repeat: (2, NumpyFunctions.repeat),
+    diagonal: (1, NumpyFunctions.diagonal),
     np.dot: (2, NumpyFunctions.product),
     np.cross: (2, NumpyFunctions.cross),
     np.outer: (2, NumpyFunctions.outer),
@@ -238,13 +315,20 @@ FUNCTIONS: dict[Any, tuple[int, Callable[..., Value]]] = {
     np.maximum: (2, lambda body, a, b: body.extreme("maximum", a, b)),
     np.minimum: (2, lambda body, a, b: body.extreme("minimum", a, b)),
     np.clip: (3, NumpyFunctions.clip),
-    np.any: (1, lambda body, a: body.question(ast.BitOr, a, "false")),
-    np.all: (1, lambda body, a: body.question(ast.BitAnd, a, "true")),
+    np.any: (1, lambda body, a, **k: body.question(ast.BitOr, a, "0", **k)),
+    np.all: (1, lambda body, a, **k: body.question(ast.BitAnd, a, "1", **k)),
     np.sum: (1, NumpyFunctions.sum),
-    np.max: (1, lambda body, a: body.most("maximum", a)),
-    np.min: (1, lambda body, a: body.most("minimum", a)),
+    np.argmax: (1, lambda body, a: body.place_of("<=", a)),
+    np.argmin: (1, lambda body, a: body.place_of(">=", a)),
+    np.max: (1, lambda body, a, **k: body.most("maximum", a, **k)),
+    np.min: (1, lambda body, a, **k: body.most("minimum", a, **k)),
 }
-"""Functions of NumPy for arrays: how many arguments they have, and what they become."""
+"""Functions for arrays: how many arguments they have, and what they become."""
+KEYWORDS: dict[Any, set[str]] = {
+    **{function: {"axis"} for function in (np.sum, np.any, np.all)},
+    **{function: {"axis", "initial"} for function in (np.max, np.min)},
+}
+"""Arguments by name, which are numbers."""
 
 
 def sizes_of(value: Value) -> tuple[Size, ...]:

@@ -120,11 +120,16 @@ class Parts(Expressions):
 
     def _view(self, owner: View, parts: list[ast.expr]) -> View:
         """A part of an array, without axes where all of them have an index."""
-        shape, strides = owner.shape, owner.type.strides
-        refuse_if(len(parts) > len(shape), f"{len(parts)} indices of an array of {len(shape)} axes")
+        axes = list(zip(owner.shape, owner.type.strides, strict=True))
+        count = len(parts) - sum(map(_is_new_axis, parts))
+        refuse_if(count > len(axes), f"{count} indices of an array of {len(axes)} axes")
         fixed, terms, begins = 0, list[Code](), list[Number]()
         sizes, kept = list[Size](), list[Size]()
-        for part, size, step in zip(parts, shape, strides, strict=False):
+        for part in parts:
+            if _is_new_axis(part):
+                sizes, kept = [*sizes, 1], [*kept, 0]
+                continue
+            size, step = axes.pop(0)
             if isinstance(part, ast.Slice):
                 start, length = self._slice(part, size)
                 sizes, kept = [*sizes, length], [*kept, step]
@@ -135,7 +140,8 @@ class Parts(Expressions):
                 fixed += start.constant * step
             elif step == 1 or start.constant != 0 or self.unit.debug:
                 terms.append(steps(start, step))
-        kind = Array(owner.element, (*sizes, *shape[len(parts) :]), (*kept, *strides[len(parts) :]))
+        rest = (size for size, _ in axes), (step for _, step in axes)
+        kind = Array(owner.element, (*sizes, *rest[0]), (*kept, *rest[1]))
         if not kind.shape:
             owner = self.dereferenced(owner)
         elif owner.is_null:
@@ -227,3 +233,8 @@ class Parts(Expressions):
             f"reshape of {shape_text(view.shape)} to {shape_text(shape)}",
         )
         return replace(view, type=Array.packed(view.element, shape))
+
+
+def _is_new_axis(part: ast.expr) -> bool:
+    """Whether an index is ``None``, which makes an axis of one element."""
+    return isinstance(part, ast.Constant) and part.value is None

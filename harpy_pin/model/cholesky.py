@@ -69,3 +69,31 @@ def solve_vector(lower: Vector, x: Vector) -> None:
         x[:i] -= x[i] * lower[i, :i]
     for i in range(n):
         x[i] = (x[i] - lower[i, :i] @ x[:i]) * lower[i, i]
+
+
+@kernel
+def add_product(a: Vector, b: Vector, out: Vector) -> None:
+    """out ← out + A B; zeros of A are skipped."""
+    for i in range(a.shape[0]):
+        for k in range(a.shape[1]):
+            if a[i, k] != 0.0:
+                out[i] += a[i, k] * b[k]
+
+
+@kernel
+def add_gram(columns: Vector, y: Vector, gram: Vector, product: Vector) -> None:
+    """Lower triangle of G ← G + Cᵀ C, and p ← p + Cᵀ y; zeros of C are skipped."""
+    for i in range(columns.shape[0]):
+        for a in range(columns.shape[1]):
+            x = columns[i, a]
+            if x != 0.0:
+                product[a] += x * y[i]
+                gram[a, : a + 1] += x * columns[i, : a + 1]
+
+
+@kernel(matrix=("n", "n"))
+def mirror(matrix: Vector) -> None:
+    """Copy the lower triangle above the diagonal."""
+    for i in range(matrix.shape[0]):
+        for k in range(i):
+            matrix[k, i] = matrix[i, k]

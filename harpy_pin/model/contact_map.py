@@ -22,8 +22,15 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from harpy_pin.kernels import kernel
-from harpy_pin.model.cholesky import factorise, solve_factor, solve_transposed, solve_vector
+from harpy_pin.kernels import diagonal, kernel
+from harpy_pin.model.cholesky import (
+    add_gram,
+    add_product,
+    factorise,
+    solve_factor,
+    solve_transposed,
+    solve_vector,
+)
 from harpy_pin.model.dynamics import DynamicsRecord, EquationsRecord
 from harpy_pin.model.record import ZERO, RecordOf, Records, make_record, sized
 from harpy_pin.model.robot import Robot
@@ -90,23 +97,11 @@ def sticking_force(d: DynamicsRecord, w: ContactMapRecord, count: int) -> None:
     held = w.delassus[:count, :count]
     held[:] = 0.0
     force[:count] = w.settling[:count]
-    for i in range(nv):
-        for a in range(count):
-            x = contact[i, a]
-            if x != 0.0:
-                force[a] -= x * drive[i]
-                held[a, : a + 1] += x * contact[i, : a + 1]
-    largest = 0.0
-    for a in range(count):
-        largest = max(largest, held[a, a])
-    least = REDUNDANT * largest
+    add_gram(contact[:, :count], -drive, held, force)
+    least = REDUNDANT * np.max(diagonal(held), initial=0.0)
     factorise(held, held, least)
-    w.redundant = 0
-    for a in range(count):
-        if (
-            held[a, a] * held[a, a] * least > 0.999
-        ):  # the reciprocal of a pivot that the floor has raised
-            w.redundant = 1
+    # where the reciprocal of a pivot is that of the floor
+    w.redundant = int(np.any(diagonal(held) ** 2 * least > 0.999))
     if w.redundant:
         _square(contact, held, least)
         _times_delassus(contact, force[:count].reshape((count, 1)))
@@ -125,42 +120,31 @@ def _times_delassus(contact: Vector, columns: Vector) -> None:
 @kernel
 def _square(contact: Vector, held: Vector, epsilon: float) -> None:
     """Factor of D² + ε²."""
-    held[:] = 0.0
-    for a in range(held.shape[0]):
-        held[a, a] = 1.0
+    held[:] = np.eye(held.shape[0])
     _times_delassus(contact, held)
     _times_delassus(contact, held)
-    for a in range(held.shape[0]):
-        held[a, a] += epsilon * epsilon
+    diagonal(held)[:] += epsilon * epsilon
     factorise(held, held)
 
 
 @kernel
 def contact_gain(d: DynamicsRecord, w: ContactMapRecord, count: int) -> None:
     """A and M⁻¹ (X + J_fᵀ A), after :func:`sticking_force`; fills inputs, gain and response."""
-    inputs, gain, contact, response = w.inputs, w.gain, w.contact, w.response
+    inputs, gain, response, contact = w.inputs, w.gain, w.response, w.contact[:, :count]
     nv, ny = inputs.shape
     nt = d.thruster_jacobian.shape[0]
     inputs[:, :nt] = d.thruster_jacobian.T
     inputs[:, nt:] = 0.0
-    for c in range(nt, ny):
-        inputs[nv - ny + c, c] = 1.0
+    diagonal(inputs[nv - ny + nt :, nt:])[:] = 1.0
     solve_transposed(w.factor, inputs, ny)
     gain[:count] = 0.0
-    for i in range(nv):
-        for a in range(count):
-            x = contact[i, a]
-            if x != 0.0:
-                gain[a] -= x * inputs[i]
+    add_product(contact.T, inputs, gain)
+    gain[:count] *= -1.0
     held = w.delassus[:count, :count]
     if w.redundant:
-        _times_delassus(contact, gain[:count])
+        _times_delassus(w.contact, gain[:count])
     solve_transposed(held, gain, ny)
     solve_factor(held, gain, ny)
-    for i in range(nv):
-        response[i] = inputs[i]
-        for a in range(count):
-            x = contact[i, a]
-            if x != 0.0:
-                response[i] += x * gain[a]
+    response[:] = inputs
+    add_product(contact, gain, response)
     solve_factor(w.factor, response, ny)

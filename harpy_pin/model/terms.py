@@ -13,8 +13,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
-from harpy_pin.kernels import kernel
+from harpy_pin.kernels import diagonal, kernel
 from harpy_pin.model.state import Vector
 from harpy_pin.model.tree import SLIDING, UNBOUNDED, TreeRecord
 from harpy_pin.model.vectors import (
@@ -166,8 +167,7 @@ def _base_terms(t: TreeRecord, mass_matrix: Vector, bias: Vector) -> None:
     bias[:6] = t.force[0]
     m[:3, :3], m[:3, 3:6] = t.moment[0, 0] * np.eye(3), h.T
     m[3:6, :3], m[3:6, 3:6] = h, 0.5 * (inertia + inertia.T)  # symmetric to the last bit
-    for c in range(6):
-        m[c, c] += t.armature[c]
+    diagonal(m)[:6] += t.armature[:6]
 
 
 @kernel
@@ -249,6 +249,22 @@ def integrate(t: TreeRecord, q: Vector, displacement: Vector) -> None:
 
 
 @kernel
+def joint_angles(q: Vector, place: NDArray[np.int64], unbounded: NDArray[np.int64]) -> Vector:
+    """Angles of joints, rad, by where each begins in q; an unbounded one has cosine and sine."""
+    first = q[place]
+    return np.where(unbounded != 0, np.arctan2(q[place + unbounded], first), first)
+
+
+@kernel
+def set_joint_angles(
+    q: Vector, place: NDArray[np.int64], unbounded: NDArray[np.int64], angle: Vector
+) -> None:
+    """The other way round than :func:`joint_angles`."""
+    q[place] = np.where(unbounded != 0, np.cos(angle), angle)
+    q[place + unbounded] = np.where(unbounded != 0, np.sin(angle), angle)
+
+
+@kernel
 def _move_base(q: Vector, d: Vector) -> None:
     """Placement of the base after a screw of linear part d[:3] and angular part d[3:6]."""
     w = d[3:6]
@@ -309,22 +325,22 @@ def flat_foot_rows(
     (J_i a + J̇_i v − α_i) / s = 0. Jacobian, drift J̇ v and positions are those of the corners, in
     world axes.
     """
-    n, middle, size = position.shape[0], np.zeros(3), 0.0
+    n, size = position.shape[0], 0.0
+    middle = np.sum(position, axis=0) / n
     rows[:6] = 0.0
     value[:6] = 0.0
     for i in range(n):
-        middle += position[i] / n
-    for i in range(n):
-        arm = position[i] - middle
-        size += arm @ arm
-    whole, turn = 1.0 / np.sqrt(n), 1.0 / np.sqrt(size)
-    for i in range(n):
-        arm, part = turn * (position[i] - middle), jacobian[3 * i : 3 * i + 3]
+        arm, part = position[i] - middle, jacobian[3 * i : 3 * i + 3]
         rest = desired[i] - drift[3 * i : 3 * i + 3]
-        rows[:3] += whole * part
+        size += arm @ arm
+        rows[:3] += part
         rows[3:6] += skew(arm) @ part
-        value[:3] += whole * rest
+        value[:3] += rest
         value[3:6] += np.cross(arm, rest)
+    rows[:3] /= np.sqrt(n)
+    value[:3] /= np.sqrt(n)
+    rows[3:6] /= np.sqrt(size)
+    value[3:6] /= np.sqrt(size)
 
 
 @kernel
@@ -336,15 +352,12 @@ def read_thrusts(d: DynamicsRecord, force: Vector, out: Vector) -> int:
     """
     rotors = d.rotor_axis.shape[0]
     free = force.shape[0] - rotors
-    for k in range(free):
-        out[3 * k : 3 * k + 3] = force[k]
-    changed = 0
-    for k in range(rotors):
-        f, axis = force[free + k, :3], d.rotor_axis[k]
-        u = min(max(f @ axis, d.rotor_lower[k]), d.rotor_upper[k])
-        out[3 * free + k] = u
-        changed += np.max(np.abs(f - u * axis)) > SAME_FORCE * (1.0 + np.max(np.abs(f)))
-    return changed
+    out[: 3 * free].reshape((free, 3))[:] = force[:free]
+    f, axis = force[free : free + rotors, :3], d.rotor_axis
+    u = np.clip(np.sum(f * axis, axis=1), d.rotor_lower, d.rotor_upper)
+    out[3 * free : 3 * free + rotors] = u
+    error, size = np.max(abs(f - u[:, None] * axis), axis=1), np.max(abs(f), axis=1)
+    return int(np.sum(error > SAME_FORCE * (1.0 + size)))
 
 
 @kernel
@@ -354,10 +367,8 @@ def write_thrusts(d: DynamicsRecord, variables: Vector, out: Vector) -> None:
     """
     rotors = d.rotor_axis.shape[0]
     free = out.shape[0] - rotors
-    for k in range(free):
-        out[k] = variables[3 * k : 3 * k + 3]
-    for k in range(rotors):
-        out[free + k] = variables[3 * free + k] * d.rotor_axis[k]
+    out[:free] = variables[: 3 * free].reshape((free, 3))
+    out[free:] = variables[3 * free : 3 * free + rotors, None] * d.rotor_axis
 
 
 @kernel(array=("n",))

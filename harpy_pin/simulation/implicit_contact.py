@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from harpy_pin.ground.ground import GroundRecord, stribeck
-from harpy_pin.kernels import kernel
+from harpy_pin.kernels import diagonal, kernel
 from harpy_pin.model.cholesky import solve_transposed
 from harpy_pin.model.record import RecordOf, sized
 from harpy_pin.model.state import Vector
@@ -197,10 +197,7 @@ def contact_step(
         Number of sweeps done; ``max_sweeps + 1`` if they did not converge.
     """
     n = height.shape[0]
-    touching = False
-    for k in range(n):
-        touching = touching or height[k] + dt * free_velocity[3 * k + 2] < 0.0
-    if not touching:
+    if not np.any(height + dt * free_velocity.reshape((n, 3))[:, 2] < 0.0):
         force[:] = 0.0
         return 0
     for sweep in range(1, max_sweeps + 1):
@@ -288,8 +285,7 @@ def step_with_friction(
     f, dt, joints = s.joints, s.dt, s.joints.limit.shape[0]
     feet, drive = s.columns[:, : s.load.shape[0]], s.columns[:, s.load.shape[0]]
     f.columns[:] = 0.0
-    for j in range(joints):
-        f.columns[6 + j, j] = 1.0
+    diagonal(f.columns[6:])[:] = 1.0
     solve_transposed(s.factor, f.columns, joints)
     drive += dt * (f.columns @ f.torque)  # last step's friction is the first guess
     used = 0

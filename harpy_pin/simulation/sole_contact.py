@@ -19,7 +19,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from harpy_pin.ground.ground import GroundRecord
-from harpy_pin.kernels import kernel
+from harpy_pin.kernels import diagonal, kernel
+from harpy_pin.model.cholesky import add_product
 from harpy_pin.model.dynamics import EquationsRecord
 from harpy_pin.model.record import RecordOf, sized
 from harpy_pin.model.state import Vector
@@ -67,29 +68,23 @@ def sole_columns(d: EquationsRecord, s: StepRecord, v: Vector) -> None:
     o, soles = s.soles, s.soles.motion.shape[0] // 6
     corners = o.mode.shape[0] // soles
     o.mode[:] = 0.0
-    s.free[:] = 0.0
     s.columns[:, : 6 * soles] = 0.0
     for n in range(soles):
-        first, c = n * corners, 6 * n
+        first, x, c = n * corners, 3 * n * corners, 6 * n
         rigid_modes(d.foot_position[first : first + corners], o.mode[first : first + corners])
-        for k in range(first, first + corners):
-            mode, jacobian = o.mode[k], d.foot_jacobian[3 * k : 3 * k + 3]
-            drift = 0.5 * s.dt * d.foot_drift[3 * k : 3 * k + 3]
-            s.free[c : c + 6] += mode.T @ (drift + jacobian @ v)
-            for i in range(v.shape[0]):
-                x = jacobian[:, i]
-                if x @ x != 0.0:
-                    s.columns[i, c : c + 6] += x @ mode
+        mode = o.mode[first : first + corners].reshape((3 * corners, 6))
+        jacobian = d.foot_jacobian[x : x + 3 * corners]
+        s.free[c : c + 6] = mode.T @ (0.5 * s.dt * d.foot_drift[x : x + 3 * corners] + jacobian @ v)
+        add_product(jacobian.T, mode, s.columns[:, c : c + 6])
 
 
 @kernel(place=("n", 3), mode=("n", 3, 6))
 def rigid_modes(place: Vector, mode: Vector) -> None:
     """Rigid motions of points at places (n, 3), orthonormal; adds them to ``mode`` (n, 3, 6)."""
-    n, middle = place.shape[0], np.zeros(3)
+    n = place.shape[0]
+    middle = np.sum(place, axis=0) / n
+    mode[:, :, :3] += np.eye(3) / np.sqrt(n)
     for k in range(n):
-        middle += place[k] / n
-    for k in range(n):
-        mode[k, :, :3] += np.eye(3) / np.sqrt(n)
         mode[k, :, 3:] -= skew(place[k] - middle)
     rows = mode.reshape((3 * n, 6))
     for c in range(3, 6):
@@ -193,15 +188,12 @@ def _solve_newton(o: SolesRecord, mobility: Vector) -> None:
     for c in range(0, n, 6):
         matrix[c : c + 6, :n] = o.gain[c : c + 6] @ mobility[c : c + 6]
     matrix[:, n] = -o.rest
-    for i in range(n):
-        matrix[i, i] += 1.0
+    diagonal(matrix[:, :n])[:] += 1.0
     for k in range(n):
-        best = k
-        for i in range(k + 1, n):
-            if abs(matrix[i, k]) > abs(matrix[best, k]):
-                best = i
-        for j in range(k, n + 1):
-            matrix[k, j], matrix[best, j] = matrix[best, j], matrix[k, j]
+        best = k + np.argmax(abs(matrix[k:, k]))
+        row = matrix[k] + 0.0
+        matrix[k] = matrix[best]
+        matrix[best] = row
         for i in range(k + 1, n):
             matrix[i] -= matrix[i, k] / matrix[k, k] * matrix[k]
     for i in range(n - 1, -1, -1):

@@ -21,12 +21,12 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from harpy_pin.ground.contact_frame import contact_frame, to_contact, to_world
+from harpy_pin.ground.contact_frame import contact_frame, to_contact, to_worlds
 from harpy_pin.ground.ground import GroundRecord, local_friction, local_stiffness
 from harpy_pin.ground.surface import TerrainRecord, surface_height, surface_normal
-from harpy_pin.kernels import kernel
+from harpy_pin.kernels import diagonal, kernel
 from harpy_pin.log.slip import SlipRecord, note_slip
-from harpy_pin.model.cholesky import factorise, solve_factor, solve_transposed
+from harpy_pin.model.cholesky import add_gram, factorise, mirror, solve_factor, solve_transposed
 from harpy_pin.model.contact_map import unconstrained_drive
 from harpy_pin.model.dynamics import DynamicsRecord, EquationsRecord
 from harpy_pin.model.entry import all_finite
@@ -179,8 +179,7 @@ def implicit_step(
     change = s.displacement  # holds the generalised force, then v⁺ − v
     unconstrained_drive(d, v, torque, thrust, change)
     s.factor[:] = d.mass_matrix
-    for i in range(nv):
-        s.factor[i, i] += dt * d.damping[i]
+    diagonal(s.factor)[:] += dt * d.damping
     columns[:, nc] = dt * change
     flat = ground.terrain.level
     if not flat:
@@ -197,22 +196,15 @@ def implicit_step(
     solve_transposed(s.factor, columns, nc + 1)
     # Velocity of the feet without contact forces, and its change per force.
     mobility[:] = 0.0
-    for i in range(nv):
-        for a in range(nc):
-            x = columns[i, a]
-            if x != 0.0:
-                free[a] += x * columns[i, nc]
-                mobility[a, : a + 1] += x * columns[i, : a + 1]
-    for a in range(nc):
-        mobility[a, a] = max(mobility[a, a], MIN_MOBILITY)
-        mobility[a, : a + 1] *= dt
-        for b in range(a):
-            mobility[b, a] = mobility[a, b]
+    add_gram(columns[:, :nc], columns[:, nc], mobility, free)
+    diagonal(mobility)[:] = np.maximum(diagonal(mobility), MIN_MOBILITY)
+    mobility *= dt
+    mirror(mobility)
+    if flat:
+        s.height[:] = d.foot_position[:, 2]
     for k in range(s.height.shape[0]):
-        if flat:
-            s.height[k] = d.foot_position[k, 2]
-        s.friction[k, 0], s.friction[k, 1] = local_friction(d.foot_position[k, 0], ground)
-        s.friction[k, 2] = local_stiffness(d.foot_position[k, 0], ground)
+        x = d.foot_position[k, 0]
+        s.friction[k] = *local_friction(x, ground), local_stiffness(x, ground)
     if (
         s.joints.limit.shape[0] > 0
     ):  # known when compiling: without friction the other kernel is not there
@@ -221,8 +213,7 @@ def implicit_step(
         sweeps = contact_forces(s, ground, free, 1e-10, MAX_SWEEPS)
     change[:] = columns[:, nc] + dt * (columns[:, :nc] @ s.load)
     if not flat:
-        for k in range(s.height.shape[0]):
-            to_world(s.frame[k], force[3 * k : 3 * k + 3])
+        to_worlds(s.frame, force.reshape((s.height.shape[0], 3)))
     solve_factor(s.factor, change.reshape((nv, 1)), 1)
     v += change
     s.displacement[:] = dt * v

@@ -21,7 +21,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from harpy_pin.kernels import ByPrecision, kernel
-from harpy_pin.model.cholesky import factorise, solve_factor, solve_transposed, solve_vector
+from harpy_pin.model.cholesky import (
+    add_gram,
+    factorise,
+    solve_factor,
+    solve_transposed,
+    solve_vector,
+)
 from harpy_pin.model.record import ZERO, RecordOf, sized
 from harpy_pin.model.state import Vector
 
@@ -130,11 +136,9 @@ def row_value(qp: ProgramRecord, r: int, z: Vector) -> float:
 @kernel
 def equality_residual(qp: ProgramRecord, z: Vector) -> float:
     """Largest |A z − b|; inf where one is not a number."""
-    worst = 0.0
-    for r in range(qp.equality_value.shape[0]):
-        residual = qp.equality[r] @ z - qp.equality_value[r]
-        worst = max(worst, np.inf if np.isnan(residual) else abs(residual))
-    return worst
+    residual = qp.equality @ z - qp.equality_value
+    worst = np.max(abs(residual), initial=0.0)
+    return np.inf if np.isnan(worst) else worst
 
 
 @kernel
@@ -181,26 +185,18 @@ def _choose(w: ActiveSetRecord) -> int:
 def _solve_active(qp: ProgramRecord, w: ActiveSetRecord, count: int, z: Vector) -> bool:
     """Optimum z and multipliers on the chosen constraints; whether z is finite."""
     n, n_eq = qp.gradient.shape[0], qp.equality_value.shape[0]
-    m = n_eq + count
+    m, rows = n_eq + count, w.chosen[:count]
     columns = w.columns
     columns[:, :n_eq] = qp.equality.T
-    for c in range(count):
-        columns[:, n_eq + c] = qp.inequality[w.chosen[c]]
+    columns[:, n_eq:m] = qp.inequality[rows].T
     columns[:, m] = -qp.gradient
     solve_transposed(w.factor, columns, m + 1)
     # Multipliers: (W H⁻¹ Wᵀ) λ = w + W H⁻¹ g.
     system, multiplier = w.schur[:m, :m], w.multiplier[:m]
     system[:] = 0.0
     multiplier[:n_eq] = qp.equality_value
-    for c in range(count):
-        r = w.chosen[c]
-        multiplier[n_eq + c] = qp.lower[r] if w.active[r] < 0 else qp.upper[r]
-    for i in range(n):
-        for a in range(m):
-            x = columns[i, a]
-            if x != 0.0:
-                multiplier[a] -= x * columns[i, m]
-                system[a, : a + 1] += x * columns[i, : a + 1]
+    multiplier[n_eq:] = np.where(w.active[rows] < 0, qp.lower[rows], qp.upper[rows])
+    add_gram(columns[:, :m], -columns[:, m], system, multiplier)
     factorise(system, system)
     solve_vector(system, multiplier)
     z[:] = columns[:, :m] @ multiplier + columns[:, m]
@@ -379,9 +375,9 @@ def _turn(a: float, b: float) -> tuple[float, float, float]:
 @kernel
 def _rotate(matrix: Vector, k: int, first: int, c: float, s: float) -> None:
     """Rotate rows k and k + 1 from column ``first`` on."""
-    for i in range(first, matrix.shape[1]):
-        x, y = matrix[k, i], matrix[k + 1, i]
-        matrix[k, i], matrix[k + 1, i] = c * x + s * y, c * y - s * x
+    x, y = matrix[k] + 0.0, matrix[k + 1] + 0.0
+    matrix[k, first:] = c * x[first:] + s * y[first:]
+    matrix[k + 1, first:] = c * y[first:] - s * x[first:]
 
 
 @kernel

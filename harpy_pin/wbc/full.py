@@ -7,7 +7,8 @@ from typing import ClassVar
 import numpy as np
 
 from harpy_pin import checks
-from harpy_pin.kernels import kernel
+from harpy_pin.kernels import diagonal, kernel
+from harpy_pin.model.cholesky import mirror
 from harpy_pin.model.dynamics import DynamicsRecord
 from harpy_pin.model.record import Record, RecordOf, make_record, sized
 from harpy_pin.model.state import Vector
@@ -18,11 +19,10 @@ from harpy_pin.wbc.problem import (
     FormulationKernels,
     FormulationRecord,
     WholeBodyProblem,
-    add_task,
-    body_row,
+    add_tasks,
+    body_rows,
     desired_acceleration,
     enter_pyramids,
-    mirror,
 )
 from harpy_pin.wbc.program import QuadraticProgram
 from harpy_pin.wbc.targets import TargetsRecord, force_bounds, friction_rows
@@ -118,18 +118,23 @@ def _full_objective(
     weight = p.w_motion + 0.0
     weight[6:] *= t.joint_share
     motion_gradient[:] = -weight * desired
-    for i in range(nv):
-        motion_hessian[i, i] = weight[i]
+    diagonal(qp.hessian)[:nt] = p.w_thrust
+    diagonal(qp.hessian)[force : force + nf] = p.w_force
+    diagonal(motion_hessian)[:] = weight
     if t.centred:
         _centre_task(d, t, p, v, rotation, motion_hessian, motion_gradient)
-    for c in range(nt):
-        qp.hessian[c, c] = p.w_thrust
-    for c in range(nf):
-        qp.hessian[force + c, force + c] = p.w_force
-        if t.held[c // 3] == 0.0:
-            value = t.feet[c // 3, c % 3] - d.foot_drift[c]
-            add_task(p.w_swing, d.foot_jacobian[c], value, motion_hessian, motion_gradient)
-    mirror(motion_hessian, nv)
+    swing = np.where(t.held == 0.0, p.w_swing, 0.0)
+    _add_swing_tasks(swing, d, t, motion_hessian, motion_gradient)
+
+
+@kernel
+def _add_swing_tasks(
+    weight: Vector, d: DynamicsRecord, t: TargetsRecord, hessian: Vector, gradient: Vector
+) -> None:
+    """Add ½ weight (acceleration − target)² of each foot."""
+    value = t.feet.reshape(d.foot_drift.shape[0]) - d.foot_drift
+    add_tasks(np.repeat(weight, 3), d.foot_jacobian, value, hessian, gradient)
+    mirror(hessian)
 
 
 @kernel
@@ -145,12 +150,10 @@ def _centre_task(
     """The centre of mass in the place of the body's origin, whose task is on the first three of the
     diagonal.
     """
-    row = np.empty(d.bias.shape[0])
-    for i in range(3):
-        hessian[i, i] = gradient[i] = 0.0
-    for k in range(3):
-        value = body_row(k, d, t, v, rotation, row)
-        add_task(p.w_body, row, value, hessian, gradient)
+    rows, value = np.empty((3, d.bias.shape[0])), np.empty(3)
+    diagonal(hessian)[:3], gradient[:3] = 0.0, 0.0
+    body_rows(d, t, v, rotation, rows, value)
+    add_tasks(np.full(3, p.w_body), rows, value, hessian, gradient)
 
 
 @kernel
@@ -184,17 +187,14 @@ def _give_way(
         qp.bounded + d.foot_drift.shape[0],
         m.inputs[qp.bounded :],
     )
-    motion_hessian, motion_gradient = qp.hessian[first:, first:], qp.gradient[first:]
+    less = np.zeros(t.held.shape[0])
     for k in range(t.held.shape[0]):
         if t.held[k] != 0.0:
             share = share_of_least_force(d, torque, p.torque_limit, k)
             qp.lower[qp.bounded + (faces + 1) * k + faces] = share * t.force_range[k, 0]
         else:
-            less = (1.0 - share_of_swing(d, torque, p.torque_limit, p.give_way, k)) * p.w_swing
-            for c in range(3 * k, 3 * k + 3):
-                value = t.feet[k, c - 3 * k] - d.foot_drift[c]
-                add_task(-less, d.foot_jacobian[c], value, motion_hessian, motion_gradient)
-    mirror(motion_hessian, d.bias.shape[0])
+            less[k] = (1.0 - share_of_swing(d, torque, p.torque_limit, p.give_way, k)) * p.w_swing
+    _add_swing_tasks(-less, d, t, qp.hessian[first:, first:], qp.gradient[first:])
 
 
 @kernel
@@ -213,26 +213,28 @@ def _dynamics_rows(
     d: DynamicsRecord, t: TargetsRecord, p: FormulationRecord, qp: ProgramRecord
 ) -> None:
     """Floating-base rows of the dynamics."""
-    force, acceleration = qp.bounded, qp.bounded + d.foot_drift.shape[0]
-    for i in range(6):
-        row = qp.equality[i]
-        row[:force] = -d.thruster_jacobian[:, i]
-        row[force:acceleration] = -d.foot_jacobian[:, i]
-        row[acceleration:] = d.mass_matrix[i]
-        qp.equality_value[i] = -d.bias[i]
-        _drop_swing_flat_feet(t, p, row, force)
+    _enter_dynamics(d, t, p, 0, qp.equality[:6])
+    qp.equality_value[:6] = -d.bias[:6]
 
 
 @kernel
-def _drop_swing_flat_feet(t: TargetsRecord, p: FormulationRecord, row: Vector, force: int) -> None:
-    """Zero the columns of their forces in a row of the dynamics; those of points have equalities
-    that do it.
+def _enter_dynamics(
+    d: DynamicsRecord, t: TargetsRecord, p: FormulationRecord, first: int, rows: Vector
+) -> None:
+    """Rows of the dynamics from direction ``first`` on, M a − J_fᵀ f − J_tᵀ u.
+
+    The forces of flat feet in swing are left out; those of points have equalities that make them
+    zero.
     """
-    k = 0
+    last, force, k = first + rows.shape[0], d.thruster_jacobian.shape[0], 0
+    acceleration = force + d.foot_drift.shape[0]
+    rows[:, :force] = -d.thruster_jacobian[:, first:last].T
+    rows[:, force:acceleration] = -d.foot_jacobian[:, first:last].T
+    rows[:, acceleration:] = d.mass_matrix[first:last]
     for n in range(p.corners.shape[0]):
         corners = p.corners[n]
         if corners > 1 and t.held[k] == 0.0:
-            row[force + 3 * k : force + 3 * (k + corners)] = 0.0
+            rows[:, force + 3 * k : force + 3 * (k + corners)] = 0.0
         k += corners
 
 
@@ -241,31 +243,22 @@ def _foot_rows(
     d: DynamicsRecord, t: TargetsRecord, p: FormulationRecord, qp: ProgramRecord
 ) -> None:
     """Stance feet are held, swing feet have no force."""
-    nv, nf = d.bias.shape[0], d.foot_drift.shape[0]
-    force, acceleration = qp.bounded, qp.bounded + nf
+    force, acceleration = qp.bounded, qp.bounded + d.foot_drift.shape[0]
     k, start = 0, 6
     for n in range(p.corners.shape[0]):
-        corners, on = p.corners[n], t.held[k] != 0.0
-        count = 3 if corners == 1 else 6
+        corners, first, last = p.corners[n], 3 * k, 3 * (k + p.corners[n])
+        count, on = 3 if corners == 1 else 6, t.held[k] != 0.0
         rows, value = qp.equality[start : start + count], qp.equality_value[start : start + count]
-        if corners > 1:
-            motion = rows[:, acceleration : acceleration + nv]
-            rows[:, force + 3 * k : force + 3 * (k + corners)] = 0.0
-            if on:
-                first, last = 3 * k, 3 * (k + corners)
-                jacobian, drift = d.foot_jacobian[first:last], d.foot_drift[first:last]
-                desired, position = t.feet[k : k + corners], d.foot_position[k : k + corners]
-                flat_foot_rows(jacobian, drift, desired, position, motion, value)
-            else:
-                motion[:], value[:] = 0.0, 0.0
-                for i in range(count):
-                    rows[i, force + 3 * k + i] = 1.0
+        jacobian, drift = d.foot_jacobian[first:last], d.foot_drift[first:last]
+        rows[:, force + first : force + last] = 0.0
+        if not on:
+            diagonal(rows[:, force + first : force + first + count])[:] = 1.0
+            rows[:, acceleration:], value[:] = 0.0, 0.0
+        elif corners > 1:
+            desired, position = t.feet[k : k + corners], d.foot_position[k : k + corners]
+            flat_foot_rows(jacobian, drift, desired, position, rows[:, acceleration:], value)
         else:
-            for i in range(count):
-                c = 3 * k + i
-                rows[i, force + c] = 0.0 if on else 1.0
-                rows[i, acceleration:] = np.where(on, d.foot_jacobian[c], 0.0)
-                value[i] = t.feet[k, i] - d.foot_drift[c] if on else 0.0
+            rows[:, acceleration:], value[:] = jacobian, t.feet[k] - drift
         k += corners
         start += count
 
@@ -280,14 +273,7 @@ def _torque_rows(
     v: Vector,
 ) -> None:
     """Joint rows of the dynamics: the torques, less their offset."""
-    nv, force, acceleration = v.shape[0], qp.bounded, qp.bounded + d.foot_drift.shape[0]
-    start = qp.lower.shape[0] - (nv - 6)
-    for j in range(nv - 6):
-        row = qp.inequality[start + j]
-        row[:force] = -d.thruster_jacobian[:, 6 + j]
-        row[force:acceleration] = -d.foot_jacobian[:, 6 + j]
-        row[acceleration:] = d.mass_matrix[6 + j]
-        _drop_swing_flat_feet(t, p, row, force)
+    _enter_dynamics(d, t, p, 6, qp.inequality[qp.lower.shape[0] - m.offset.shape[0] :])
     m.offset[:] = d.bias[6:] + d.damping[6:] * v[6:]
 
 

@@ -36,19 +36,15 @@ looked at.
 @kernel
 def at_a_limit(inputs: Vector, p: ProblemRecord) -> bool:
     """Whether a thrust or torque is at its limit, or not a number."""
-    found = False
-    for c in range(inputs.shape[0]):
-        found = found or not p.input_lower[c] + NEAR < inputs[c] < p.input_upper[c] - NEAR
-    return found
+    inside = (p.input_lower + NEAR < inputs) & (inputs < p.input_upper - NEAR)
+    return not np.all(inside)
 
 
 @kernel
 def outside(values: Vector, lower: Vector, upper: Vector) -> bool:
     """Whether one of the values is out of its range, or not a number."""
-    found = False
-    for c in range(values.shape[0]):
-        found = found or not lower[c] <= values[c] <= upper[c]
-    return found
+    n = values.shape[0]
+    return not np.all((lower[:n] <= values) & (values <= upper[:n]))
 
 
 @kernel
@@ -65,9 +61,6 @@ def share_of_swing(
 @kernel
 def share_of_least_force(d: EquationsRecord, torque: Vector, limit: Vector, k: int) -> float:
     """ρ of a contact point; the torques are τ° and the limits τ_max, N·m."""
-    share = 1.0
-    for j in range(limit.shape[0]):
-        moves = np.sum(abs(d.foot_jacobian[3 * k : 3 * k + 3, 6 + j]))
-        if moves > 0.0 and abs(torque[j]) > limit[j]:
-            share = min(share, limit[j] / abs(torque[j]))
-    return share
+    moves = np.any(d.foot_jacobian[3 * k : 3 * k + 3, 6:] != 0.0, axis=0)
+    beyond = moves & (abs(torque) > limit)
+    return float(np.min(np.where(beyond, limit / abs(torque), 1.0)))

@@ -16,8 +16,8 @@ from typing import ClassVar
 
 import numpy as np
 
-from harpy_pin.kernels import kernel
-from harpy_pin.model.cholesky import solve_factor
+from harpy_pin.kernels import diagonal, kernel
+from harpy_pin.model.cholesky import add_product, mirror, solve_factor
 from harpy_pin.model.contact_map import (
     ContactMapRecord,
     contact_gain,
@@ -33,10 +33,9 @@ from harpy_pin.wbc.problem import (
     FormulationKernels,
     FormulationRecord,
     WholeBodyProblem,
-    add_task,
-    body_row,
+    add_tasks,
+    body_rows,
     desired_acceleration,
-    mirror,
 )
 from harpy_pin.wbc.program import QuadraticProgram
 from harpy_pin.wbc.targets import TargetsRecord, friction_limits
@@ -129,25 +128,20 @@ def _input_objective(
 ) -> None:
     """The tasks on accelerations and forces, in the inputs y."""
     hessian, gradient, free, response = qp.hessian, qp.gradient, m.drive, m.response
-    nv, ny = response.shape
-    nt = d.thruster_jacobian.shape[0]
+    nv, nt = response.shape[0], d.thruster_jacobian.shape[0]
     qp.hessian[:] = 0.0
     qp.gradient[:] = 0.0
-    for a in range(nt):
-        hessian[a, a] = p.w_thrust
+    diagonal(hessian)[:nt] = p.w_thrust
     desired = np.empty(nv)
     desired_acceleration(v, rotation, t, desired)
+    weight = p.w_motion + 0.0
+    weight[6:] *= t.joint_share
     if t.centred:
         _centre_task(p.w_body, d, t, m, v, rotation, hessian, gradient)
-    for i in range(3 if t.centred else 0, nv):
-        weight = p.w_motion[i] if i < 6 else p.w_motion[i] * t.joint_share[i - 6]
-        add_task(weight, response[i], desired[i] - free[i], hessian, gradient)
-    for a in range(count):
-        add_task(p.w_force, m.gain[a], -m.force[a], hessian, gradient)
-    for c in range(d.foot_drift.shape[0]):
-        if t.held[c // 3] == 0.0:
-            _add_swing_task(p.w_swing, d, t, m, c, hessian, gradient)
-    mirror(hessian, ny)
+        weight[:3] = 0.0
+    add_tasks(weight, response, desired - free, hessian, gradient)
+    add_tasks(np.full(m.force.shape[0], p.w_force), m.gain[:count], -m.force, hessian, gradient)
+    _add_swing_tasks(np.where(t.held == 0.0, p.w_swing, 0.0), d, t, m, qp)
 
 
 @kernel
@@ -162,34 +156,25 @@ def _centre_task(
     gradient: Vector,
 ) -> None:
     """The centre of mass in the place of the body's origin, in the inputs y."""
-    nv, ny = m.response.shape
-    motion, row = np.empty(nv), np.empty(ny)
-    for k in range(3):
-        value = body_row(k, d, t, v, rotation, motion)
-        row[:] = motion @ m.response
-        add_task(weight, row, value - motion @ m.drive, hessian, gradient)
+    motion, value = np.empty((3, d.bias.shape[0])), np.empty(3)
+    body_rows(d, t, v, rotation, motion, value)
+    value -= motion @ m.drive
+    add_tasks(np.full(3, weight), motion @ m.response, value, hessian, gradient)
 
 
 @kernel
-def _add_swing_task(
-    weight: float,
-    d: DynamicsRecord,
-    t: TargetsRecord,
-    m: ContactMapRecord,
-    c: int,
-    hessian: Vector,
-    gradient: Vector,
+def _add_swing_tasks(
+    weight: Vector, d: DynamicsRecord, t: TargetsRecord, m: ContactMapRecord, qp: ProgramRecord
 ) -> None:
-    """Add ½ weight (acceleration − target)² of one direction of a swing foot, in the inputs y."""
-    nv, ny = m.response.shape
-    row = np.zeros(ny)
-    value = t.feet[c // 3, c % 3] - d.foot_drift[c]
-    for i in range(nv):
-        x = d.foot_jacobian[c, i]
-        if x != 0.0:
-            value -= x * m.drive[i]
-            row += x * m.response[i]
-    add_task(weight, row, value, hessian, gradient)
+    """Add ½ weight (acceleration − target)² of each foot, in the inputs y."""
+    for k in range(weight.shape[0]):
+        if weight[k] != 0.0:
+            c, rows = 3 * k, np.zeros((3, m.response.shape[1]))
+            jacobian = d.foot_jacobian[c : c + 3]
+            add_product(jacobian, m.response, rows)
+            value = t.feet[k] - d.foot_drift[c : c + 3] - jacobian @ m.drive
+            add_tasks(np.full(3, weight[k]), rows, value, qp.hessian, qp.gradient)
+    mirror(qp.hessian)
 
 
 @kernel
@@ -210,8 +195,8 @@ def _give_way(
     z: Vector,
 ) -> None:
     """Let least forces and swing feet give way to the torques of z, without limits."""
-    ny, faces = m.response.shape[1], p.pyramid.shape[0]
-    torque, a = z[d.thruster_jacobian.shape[0] : ny], 0
+    faces, less = p.pyramid.shape[0], np.zeros(t.held.shape[0])
+    torque, a = z[d.thruster_jacobian.shape[0] :], 0
     for k in range(t.held.shape[0]):
         if t.held[k] != 0.0:
             share = share_of_least_force(d, torque, p.torque_limit, k)
@@ -219,11 +204,9 @@ def _give_way(
                 share * t.force_range[k, 0] - m.force[a + 2]
             )
             a += 3
-            continue
-        less = (1.0 - share_of_swing(d, torque, p.torque_limit, p.give_way, k)) * p.w_swing
-        for c in range(3 * k, 3 * k + 3):
-            _add_swing_task(-less, d, t, m, c, qp.hessian, qp.gradient)
-    mirror(qp.hessian, ny)
+        else:
+            less[k] = (1.0 - share_of_swing(d, torque, p.torque_limit, p.give_way, k)) * p.w_swing
+    _add_swing_tasks(-less, d, t, m, qp)
 
 
 @kernel
@@ -242,14 +225,12 @@ def _rows(t: TargetsRecord, p: FormulationRecord, m: ContactMapRecord, qp: Progr
             inequality[first : last + 1, :ny] = 0.0
             lower[first : last + 1], upper[first : last + 1] = -1.0, 1.0  # never active
             continue
-        force, gain = m.force[a : a + 3], m.gain[a : a + 3]
-        for r in range(faces):
-            outward = np.array((p.pyramid[r, 0], p.pyramid[r, 1], p.friction[k] * p.inscribed))
-            inequality[first + r, :ny] = outward @ gain
-            lower[first + r], upper[first + r] = -(outward @ force), UNBOUNDED
+        force, gain, up = m.force[a : a + 3], m.gain[a : a + 3], p.friction[k] * p.inscribed
+        inequality[first:last, :ny] = p.pyramid[:, :2] @ gain[:2] + up * gain[2]
+        lower[first:last] = -(p.pyramid[:, :2] @ force[:2] + up * force[2])
+        upper[first:last] = UNBOUNDED
         inequality[last, :ny] = gain[2]
-        lower[last] = t.force_range[k, 0] - m.force[a + 2]
-        upper[last] = t.force_range[k, 1] - m.force[a + 2]
+        lower[last], upper[last] = t.force_range[k] - force[2]
         a += 3
 
 
@@ -265,8 +246,8 @@ def _force(
 ) -> None:
     """Contact forces f₀ + A y of a solution y."""
     out[:] = 0.0
-    for a in range(p.directions):
-        out[m.rows[a]] = m.force[a] + m.gain[a] @ z
+    n = p.directions
+    out[m.rows[:n]] = m.force[:n] + m.gain[:n] @ z
 
 
 @kernel

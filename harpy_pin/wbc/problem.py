@@ -278,23 +278,20 @@ def enter_pyramids(program: QuadraticProgram, pyramid: Vector, feet: int, *, for
 
 
 @kernel
-def add_task(weight: float, row: Vector, value: float, hessian: Vector, gradient: Vector) -> None:
-    """Add ½ weight (row z − value)² on the leading variables: to the lower triangle of H, and to
-    g.
+def add_tasks(
+    weight: Vector, rows: Vector, value: Vector, hessian: Vector, gradient: Vector
+) -> None:
+    """Add ½ Σ weight_i (row_i z − value_i)² on the leading variables: to the lower triangle of H,
+    and to g; zeros are skipped.
     """
-    for a in range(row.shape[0]):
-        x = weight * row[a]
-        if x != 0.0:
-            gradient[a] -= x * value
-            hessian[a, : a + 1] += x * row[: a + 1]
-
-
-@kernel
-def mirror(hessian: Vector, size: int) -> None:
-    """Copy the leading lower triangle above the diagonal."""
-    for a in range(size):
-        for b in range(a):
-            hessian[b, a] = hessian[a, b]
+    for i in range(rows.shape[0]):
+        w, row, desired = weight[i], rows[i], value[i]
+        if w != 0.0:
+            for a in range(row.shape[0]):
+                x = w * row[a]
+                if x != 0.0:
+                    gradient[a] -= x * desired
+                    hessian[a, : a + 1] += x * row[: a + 1]
 
 
 @kernel
@@ -305,11 +302,11 @@ def desired_acceleration(v: Vector, rotation: Vector, t: TargetsRecord, out: Vec
 
 
 @kernel
-def body_row(
-    k: int, d: DynamicsRecord, t: TargetsRecord, v: Vector, rotation: Vector, row: Vector
-) -> float:
-    """A row of the body's linear task along a world axis, where the centre of mass has the
-    horizontal ones.
+def body_rows(
+    d: DynamicsRecord, t: TargetsRecord, v: Vector, rotation: Vector, rows: Vector, value: Vector
+) -> None:
+    """The rows of the body's linear task along the world axes, where the centre of mass has the
+    horizontal ones: ``rows`` (3, nv) a = ``value`` (3,), m/s², both out.
 
     The base's linear rows of M a + n are the robot's mass times the acceleration of its centre of
     mass, less gravity, in base axes: c̈ = R (M_l a + n_l) / m + g. The task of the body has these
@@ -317,11 +314,9 @@ def body_row(
     (:attr:`harpy_pin.gaits.gait.GaitTarget.centre_of_mass`): of a robot on soles legs, torso and
     arms are heavy, and what they do moves its centre of mass against the origin of its base.
 
-    Axis k is 0 or 1 of the centre of mass, or 2 of the body's origin. The row (nv,) is written, and
-    the value that row · a should have, m/s², is returned.
+    The vertical one is that of the body's origin.
     """
-    if k < 2:
-        row[:] = d.mass_matrix[:3].T @ rotation[k] / d.mass_matrix[0, 0]
-        return float(t.body[k] - t.centre_drift[k])
-    row[:3], row[3:] = rotation[2], 0.0
-    return float(t.body[2] - rotation[2] @ np.cross(v[3:6], v[:3]))
+    rows[:2] = rotation[:2] @ d.mass_matrix[:3] / d.mass_matrix[0, 0]
+    rows[2, :3], rows[2, 3:] = rotation[2], 0.0
+    value[:2] = t.body[:2] - t.centre_drift
+    value[2] = t.body[2] - rotation[2] @ np.cross(v[3:6], v[:3])

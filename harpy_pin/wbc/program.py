@@ -115,9 +115,8 @@ class QuadraticProgram(KeepsViews):
 @kernel
 def worst_violation(qp: ProgramRecord, z: Vector) -> float:
     """Largest violation of a constraint by z; inf where something is not a number."""
-    for i in range(z.shape[0]):
-        if not np.isfinite(z[i]):
-            return np.inf
+    if not np.all(np.isfinite(z)):
+        return np.inf
     worst = equality_residual(qp, z)
     for r in range(qp.lower.shape[0]):
         s = row_value(qp, r, z)

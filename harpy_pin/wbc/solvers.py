@@ -10,7 +10,7 @@ import numpy as np
 from harpy_pin import checks
 from harpy_pin.arguments import checked
 from harpy_pin.errors import InputError, install_line
-from harpy_pin.kernels import kernel
+from harpy_pin.kernels import diagonal, kernel
 from harpy_pin.model.memory import fixed_arrays
 from harpy_pin.model.record import RecordOf, Records, field, make_record, sized
 from harpy_pin.model.state import Vector
@@ -62,22 +62,15 @@ class ScaledProgramRecord(RecordOf):
 @kernel
 def write_scaled(qp: ProgramRecord, scale: float, w: ScaledProgramRecord) -> None:
     """Fill in a program; rows with a lower bound alone become −C z ≤ −l."""
-    n, largest = qp.gradient.shape[0], 0.0
-    for r in range(n):
-        largest = max(largest, qp.hessian[r, r])
+    largest = np.max(diagonal(qp.hessian))
     if scale * largest > LARGEST:
         scale = LARGEST / largest
-    for r in range(n):
-        w.gradient[r] = scale * qp.gradient[r]
-        for c in range(n):
-            w.hessian[r, c] = scale * qp.hessian[r, c]
-    for r in range(qp.lower.shape[0]):
-        turn = qp.upper[r] >= UNBOUNDED and qp.lower[r] > -UNBOUNDED
-        sign = -1.0 if turn else 1.0
-        for c in range(n):
-            w.inequality[r, c] = sign * qp.inequality[r, c]
-        w.lower[r] = -UNBOUNDED if turn else qp.lower[r]
-        w.upper[r] = -qp.lower[r] if turn else qp.upper[r]
+    w.gradient[:] = scale * qp.gradient
+    w.hessian[:] = scale * qp.hessian
+    turn = (qp.upper >= UNBOUNDED) & (qp.lower > -UNBOUNDED)
+    w.inequality[:] = np.where(turn, -1.0, 1.0)[:, None] * qp.inequality
+    w.lower[:] = np.where(turn, -UNBOUNDED, qp.lower)
+    w.upper[:] = np.where(turn, -qp.lower, qp.upper)
 
 
 @fixed_arrays("record")

@@ -106,9 +106,9 @@ def friction_rows(t: TargetsRecord, p: ProblemRecord, qp: ProgramRecord, force: 
 @kernel
 def force_bounds(t: TargetsRecord, faces: int, lower: Vector, upper: Vector) -> None:
     """Bounds of each foot's rows on its force itself; never active in swing, where f = 0."""
-    for k in range(t.held.shape[0]):
-        on = t.held[k] != 0.0
-        first = (faces + 1) * k
-        lower[first : first + faces] = 0.0 if on else -1.0
-        lower[first + faces] = t.force_range[k, 0] if on else -1.0
-        upper[first + faces] = t.force_range[k, 1] if on else 1.0
+    feet = t.held.shape[0]
+    low = lower[: feet * (faces + 1)].reshape((feet, faces + 1))
+    high = upper[: feet * (faces + 1)].reshape((feet, faces + 1))
+    low[:, :faces] = np.where(t.held[:, None] != 0.0, 0.0, -1.0)
+    low[:, faces] = np.where(t.held != 0.0, t.force_range[:, 0], -1.0)
+    high[:, faces] = np.where(t.held != 0.0, t.force_range[:, 1], 1.0)

@@ -15,7 +15,7 @@ from needs import needs_compiler
 from oracle import REALS, same
 
 from harpy_pin.errors import KernelError
-from harpy_pin.kernels import kernel
+from harpy_pin.kernels import diagonal, kernel
 
 pytestmark = needs_compiler
 
@@ -111,12 +111,100 @@ def test_sizes_that_are_known_at_run_time_only(p, q, v):
 def questions(a, b):
     b[:] = 0.0 + np.clip(b, -1.0, 3.0)
     a[:] = 0.0 + np.clip(a, b[:3], b[1:4])
-    return np.any(a > 1.0), np.all(a[:2] != b[:2]), np.all(b <= 3.0) | np.any(np.isnan(b))
+    return (
+        bool(a[0]),
+        np.any(a > 1.0),
+        np.all(a[:2] != b[:2]),
+        np.all(b <= 3.0) | np.any(np.isnan(b)),
+    )
 
 
 @given(reals(3), reals(9))
 def test_clipped_numbers_and_truth_values(a, b):
     same(questions, a, b)
+
+
+@kernel
+def stretched(m, row, column, block):
+    m[:] = m * row - column[:, None] / (1.0 + row[None])
+    m += column[:, None]
+    block[:] = m * block + np.where(column[:, None] > row, row, block)
+    block[1:] = row - m[1]
+    block[:, :, 0] = column
+    row[:] = block[0, 1] * m[1]
+    m[:, :2] = row[:2]
+
+
+@kernel(m=(3, 4), row=(4,), column=(3,), block=(2, 3, 4))
+def stretched_of_known_sizes(m, row, column, block):
+    stretched(m, row, column, block)
+    d = m - np.sum(m, axis=0) / 3.0
+    m[:] = d * np.sum(d * d, axis=1)[:, None]
+    return d[0, 0]
+
+
+@given(reals(3, 4), reals(4), reals(3), reals(2, 3, 4))
+def test_rows_and_columns_count_for_all(m, row, column, block):
+    same(stretched_of_known_sizes, m, row, column, block)
+
+
+@given(reals(5, 1), reals(1), reals(5), reals(2, 5, 1))
+def test_rows_and_columns_of_any_size(m, row, column, block):
+    same(stretched_of_one, m, row, column, block)
+
+
+@kernel
+def stretched_of_one(m, row, column, block):
+    m[:] = m * row + column[:, None]
+    block[:] = block * m - row[0]
+
+
+@kernel(m=(3, 9), out=(9,))
+def along_an_axis(m, out):
+    out[:] = np.sum(m, axis=0) - (0.0 + np.max(m, axis=0))
+    sizes = np.full(3, 1.0 + out[0]) * np.sqrt(np.sum(m * m, axis=1))
+    m[:] = m / sizes[:, None]
+    found = np.isfinite(m)
+    good = np.all(found, axis=1) & np.any(m > 0.0, axis=1)
+    return (
+        0.0 + np.max(abs(out), initial=0.0),
+        0.0 + np.min(out[:2], initial=-1.0),
+        0.0 + np.max(out[:0], initial=sizes[0]),
+        np.sum(good),
+        np.sum(out > 0.0),
+        good[1],
+        np.all(abs(out) < np.inf),
+    )
+
+
+@given(reals(3, 9), reals(9))
+def test_along_an_axis(m, out):
+    same(along_an_axis, m, out)
+
+
+@kernel
+def places(a, n: int):
+    return np.argmax(a), np.argmin(abs(a[:n])), np.argmax(a[n:] > 0.0), np.argmax(a[1:2])
+
+
+@given(st.lists(st.sampled_from([0.0, -1.0, 2.0, np.nan, np.inf]), min_size=5, max_size=9))
+def test_places_of_extremes(numbers):
+    same(places, np.array(numbers), 4)
+
+
+@kernel(m=(6, 6), x=(3,))
+def diagonals(m, x, k: int):
+    d = diagonal(m)
+    d[:] *= 2.0
+    diagonal(m[k : k + 2, 1:3])[:] = x[:2]
+    diagonal(m)[2:5] += x
+    m[:3, 3:] += np.where(np.repeat(x, 2)[:3] > 0.0, diagonal(m)[:3], 1.0)
+    return 0.0 + np.max(diagonal(m[1:3, 1:3])), np.sum(d), np.sum(np.repeat(x, k))
+
+
+@given(reals(6, 6), reals(3), st.integers(1, 4))
+def test_diagonals(m, x, k):
+    same(diagonals, m, x, k)
 
 
 @kernel(p=(4, 9), q=(4,), v=(9,))
@@ -127,12 +215,12 @@ def any_size_of_nine(p, q, v):
 
 @kernel(m=(6, 6), x=(6,))
 def chosen(m, joints, x, k: int):
-    limb = joints[:3]
+    limb, before = joints[:3], joints[:3] - 1
     part = m[:, limb]
     y = m[limb, k] @ x[limb] + part[2] @ part[1]
     m[2:5, limb - 1] = 2.0 * part[:3]
     x[limb] -= part.T @ x
-    x[limb - 1] *= 2.0
+    x[before] *= 2.0 + before // 2
     return y, m[limb, 0][2]
 
 
@@ -185,9 +273,34 @@ def rows_in_place(a, b):
     product_into(a, b[:3], b[3:])
 
 
-@kernel(a=(3, 3))
+@kernel(a=(3, 4))
 def unequal(a):
-    a[:] = a[0] + a
+    a[:] = a[:, 0] + a
+
+
+@kernel(a=(3, 4))
+def too_many(a):
+    a[:1] = 2.0 * a[:2]
+
+
+@kernel(a=(3,))
+def of_more_axes(a):
+    a[:] = a[None] + a
+
+
+@kernel(a=(3, 4))
+def no_square(a):
+    diagonal(a)[:] = 0.0
+
+
+@kernel(a=(3, 6))
+def row_of_itself(a):
+    a[1:] = a[1]
+
+
+@kernel(a=(3,))
+def named_wrongly(a):
+    a[0] = np.sum(a, initial=1.0)
 
 
 @kernel
@@ -231,7 +344,12 @@ def twice_chosen(a, rows):
         (at_a_moving_place, (np.ones(3), np.ones(3)), "give its result a name first"),
         (twice_chosen, (np.eye(3), np.array([0, 1])), "anything but one vector of integers"),
         (product_in_place, (np.eye(3), np.eye(3)), "writes to 'out' what it reads as 'a'"),
-        (unequal, (np.eye(3),), "where .* is needed"),
+        (unequal, (np.ones((3, 4)),), "where .* is needed"),
+        (too_many, (np.ones((3, 4)),), "where .* is needed"),
+        (of_more_axes, (np.ones(3),), "where .* is needed"),
+        (no_square, (np.ones((3, 4)),), "where .* is needed"),
+        (row_of_itself, (np.ones((3, 6)),), "both may overlap"),
+        (named_wrongly, (np.ones(3),), "arguments by name"),
         (nameless, (np.ones(3), np.ones(3)), "size is not known"),
         (chain, (np.ones(3),), "a chain of comparisons"),
         (two_kinds, (np.eye(3), 1), "not the same kind of thing"),

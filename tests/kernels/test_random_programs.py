@@ -13,6 +13,7 @@ class Writer:
 
     def __init__(self, rng):
         self.rng, self.lines, self.names = rng, [], ["x", "y"]
+        self.shapes = self.pick(["", "(a=(4,), m=(2, 3))"])
 
     def pick(self, items):
         return items[self.rng.integers(len(items))]
@@ -36,7 +37,7 @@ class Writer:
                 f"({self.number(depth - 1)} if {self.condition(depth - 1)} else "
                 f"{self.number(depth - 1)})"
             )
-        return f"-abs({self.number(depth - 1)})"
+        return f"-abs(0.5 * {self.number(depth - 1)})"
 
     def index(self, depth):
         return self.pick(["i % 4", "n % 4", "3", "(i + n) % 4", "(2 * n + 1) % 4", "i // 2 % 4"])
@@ -44,8 +45,28 @@ class Writer:
     def condition(self, depth):
         return f"{self.number(max(depth, 0))} {self.pick(['<', '>=', '!='])} {self.number(0)}"
 
+    def array(self, depth=2):
+        """An array that counts for all of ``m`` (2, 3)."""
+        kind = self.rng.integers(6 if depth else 3)
+        if kind < 2:
+            return self.pick(
+                ["m", "a[1:]", "a[:2, None]", "m[1]", "m[:, 2:]", "np.repeat(a[:1], 3)"]
+            )
+        if kind == 2:
+            return self.number(1)
+        if kind == 3:
+            return f"np.sum(m * {self.array(0)}, axis=0)"
+        if kind == 4:
+            other = self.array(depth - 1)
+            return f"np.where(m < {other}, {self.array(depth - 1)}, {self.array(depth - 1)})"
+        return f"({self.array(depth - 1)} {self.pick('+-*')} {self.array(depth - 1)})"
+
     def statement(self, indent, depth):
-        kind, add = self.rng.integers(8), lambda line: self.lines.append("    " * indent + line)
+        kind = self.rng.integers(10 if self.shapes else 8)
+
+        def add(line):
+            self.lines.append("    " * indent + line)
+
         if kind == 0:
             add(f"a[{self.index(1)}], a[{self.index(1)}] = {self.number(1)}, {self.number(1)}")
         elif kind == 1:
@@ -78,6 +99,14 @@ class Writer:
                 f"m[{self.pick(['0', '1', 'i % 2'])}, :]"
                 f" = {self.pick(['a[1:4]', 'a[0:3]', self.number(1), 'm[n % 2]'])}"
             )
+        elif kind == 8:
+            add(f"m[:] {self.pick(['=', '+=', '*='])} {self.array()}")
+            add("m[:] = 0.0 + np.clip(m, -1e3, 1e3)")
+        elif kind == 9:
+            add(
+                f"diagonal(m[:, {self.pick(['1:', ':2'])}])[:] += {self.pick(['a[2:]', 'm[:, 2]'])}"
+            )
+            add("a[:2] = 0.5 * a[:2] - np.max(abs(m), axis=1)")
         elif kind == 6:
             add(f"i = {self.pick(['(i + 1) % 5', 'n', '2 * n % 3', 'i + 1 if i < 3 else 0'])}")
         else:
@@ -90,7 +119,7 @@ class Writer:
             self.statement(indent, depth)
 
     def program(self, name):
-        self.lines = ["@kernel", f"def {name}(a, m, x, y, n):", "    i = n"]
+        self.lines = [f"@kernel{self.shapes}", f"def {name}(a, m, x, y, n):", "    i = n"]
         for _ in range(6):
             self.statement(1, 3)
         return "\n".join([*self.lines, "    return x, y + i", ""])
@@ -103,7 +132,8 @@ def test_programs_that_nobody_wrote(seed, fuzz, tmp_path, monkeypatch):
     texts = [Writer(rng).program(f"program_{n}") for n in range(count)]
     name = f"programs_{seed}"
     (tmp_path / f"{name}.py").write_text(
-        "from harpy_pin.kernels import kernel\n\n\n" + "\n\n".join(texts)
+        "import numpy as np\n\nfrom harpy_pin.kernels import diagonal, kernel\n\n\n"
+        + "\n\n".join(texts)
     )
     monkeypatch.syspath_prepend(tmp_path)
     made = __import__(name)

@@ -65,9 +65,10 @@ def product(a: Any, b: Any) -> Any:
     return total
 
 
-def total(values: Any) -> Any:
-    """``np.sum`` of a vector, from the first to the last."""
-    return product(np.ones(values.shape, values.dtype), values)
+def total(values: Any, axis: int = 0) -> Any:
+    """``np.sum`` along an axis, from the first to the last."""
+    values = np.moveaxis(values, axis, 0)
+    return product(np.ones(len(values), np.int64), values)
 
 
 NAMES: dict[str, Any] = {

@@ -322,9 +322,8 @@ def _command(
     """Torques of springs that follow the action, and its thrusts in world axes."""
     joints = torque.shape[0]
     torque[:] = SPRING * (p.posture + ANGLE * a[:joints] - q[7:]) - DAMPER * v[6:]
-    for k in range(2):
-        first = joints + 3 * k
-        thrust[k] = d.tree.rotation @ (THRUST * p.weight * a[first : first + 3])
+    share = a[joints : joints + 6].reshape((2, 3))
+    thrust[:] = (THRUST * p.weight * share) @ d.tree.rotation.T
 
 
 @kernel

@@ -62,8 +62,7 @@ def demand_acceleration(p: WalkingRecord) -> None:
     m, feet, square = p.measured, p.measured.place.shape[0], p.omega * p.omega
     a = VELOCITY_GAIN * p.omega * (p.desired - m.drift) + rotation_in_plane(p.path[2]) @ p.rate[:2]
     if not p.walking:
-        for k in range(feet):
-            a += PLACE_GAIN * square * (m.place[k, :2] - m.centre[:2]) / feet
+        a += PLACE_GAIN * square * (np.sum(m.place[:, :2], axis=0) / feet - m.centre[:2])
     size = np.hypot(*a)
     if size > MAX_DEMAND:
         a *= MAX_DEMAND / size
@@ -109,18 +108,11 @@ def _along_cycle(p: WalkingRecord, pressure: Vector) -> Vector:
             share = min(max(p.phase / p.double_support, 0.0), 1.0)
         now = np.exp(p.omega * passed)
     wanted = desired_after(p, max(1.0 - p.phase, 0.0) * p.step_duration if p.soles else 0.0)
-    middle, before, line, number, others = np.zeros(2), np.zeros(2), np.zeros(2), 0.0, 0.0
-    for k in range(p.group.shape[0]):
-        place = m.place[k, :2]
-        if p.group[k] == g:
-            line += place if number == 0.0 else -place
-            middle += place
-            number += 1.0
-        else:
-            before += place
-            others += 1.0
-    middle /= number
-    before /= others
+    holds, place = np.where(p.group == g, 1.0, 0.0), m.place[:, :2]
+    number = np.sum(holds)
+    middle = holds @ place / number
+    before = (1.0 - holds) @ place / np.sum(1.0 - holds)
+    line = 2.0 * (place[np.argmax(holds)] - 0.5 * number * middle)
     about = before if passed < 0.0 and share < 1.0 else middle
     desired = about + now * (middle - about + cyclic_offset(wanted * duration, jump, growth))
     xi = m.centre[:2] + m.drift / p.omega

@@ -147,10 +147,8 @@ def _too_late(p: WalkingRecord, time: float) -> bool:
 @kernel
 def _quickest(p: WalkingRecord) -> float:
     """Time in which the motors bring the swing foot to its foothold, s."""
-    way = 0.0
-    for k in range(p.group.shape[0]):
-        if p.group[k] == p.swings:
-            way = max(way, np.hypot(*(p.foothold[k, :2] - p.measured.place[k, :2])))
+    away = p.foothold[:, :2] - p.measured.place[:, :2]
+    way = np.max(np.where(p.group == p.swings, np.hypot(away[:, 0], away[:, 1]), 0.0))
     return float(np.sqrt(PEAK * way / p.swing_acceleration))
 
 
@@ -251,12 +249,10 @@ def _still(p: WalkingRecord) -> bool:
 @kernel
 def _feet_in_place(p: WalkingRecord) -> bool:
     """Whether every foot is on the ground, where it is when the robot stands."""
-    m, axes, worst = p.measured, rotation_in_plane(p.path[2]), 0.0
-    for k in range(p.group.shape[0]):
-        if p.in_air[k] != 0.0:
-            return False
-        worst = max(worst, np.hypot(*(m.place[k, :2] - m.centre[:2] - axes @ p.nominal[k])))
-    return worst < IN_PLACE * p.height
+    m, axes = p.measured, rotation_in_plane(p.path[2])
+    away = m.place[:, :2] - m.centre[:2] - p.nominal @ axes.T
+    off = np.hypot(away[:, 0], away[:, 1]) >= IN_PLACE * p.height
+    return not np.any((p.in_air != 0.0) | off)
 
 
 @kernel

@@ -57,14 +57,11 @@ def measure_drift(p: WalkingRecord) -> None:
 @kernel
 def _find_line(p: WalkingRecord, m: MeasuredRecord) -> None:
     """Direction of the line of two stance feet of four or more."""
-    line, number = np.zeros(2), 0.0
-    for k in range(p.group.shape[0]):
-        if p.in_air[k] == 0.0:
-            line += m.place[k, :2] if number == 0.0 else -m.place[k, :2]
-            number += 1.0
+    held = np.where(p.in_air == 0.0, 1.0, 0.0)
+    line = 2.0 * m.place[np.argmax(held), :2] - held @ m.place[:, :2]
     length = np.hypot(*line)
     m.line[:] = 0.0
-    if number == 2.0 and p.group.shape[0] > 2 and length > 0.0:
+    if np.sum(held) == 2.0 and p.group.shape[0] > 2 and length > 0.0:
         m.line[:] = line / length
 
 
@@ -135,11 +132,10 @@ def _measure_feet(p: WalkingRecord, m: MeasuredRecord, foot_force: Vector) -> No
             m.point[n, 2] += m.ground - surface_height(p.terrain, m.point[n, 0], m.point[n, 1])
         m.place[k] += share * m.point[n]
         m.load[k] += LOAD_SHARE * foot_force[n, 2]
-    for k in range(feet):
-        along = across = 0.0
-        for n in range(m.point.shape[0]):
-            if p.foot[n] == k:
-                x, y = m.point[n, :2] - m.place[k, :2]
-                along += p.corner[n, 0] * x + p.corner[n, 1] * y
-                across += p.corner[n, 0] * y - p.corner[n, 1] * x
-        m.turned[k] = np.arctan2(across, along) if p.soles else m.heading
+    along, across = np.zeros(feet), np.zeros(feet)
+    for n in range(m.point.shape[0]):
+        k = p.foot[n]
+        x, y = m.point[n, :2] - m.place[k, :2]
+        along[k] += p.corner[n, 0] * x + p.corner[n, 1] * y
+        across[k] += p.corner[n, 0] * y - p.corner[n, 1] * x
+    m.turned[:] = np.where(p.soles, np.arctan2(across, along), m.heading)

@@ -97,12 +97,9 @@ def roll_on(p: WalkingRecord) -> None:
 @kernel
 def _find_pivot(p: WalkingRecord) -> None:
     """Middle of the edge about which the foot rolls, where it is."""
-    number = 0.0
-    p.pivot[:] = 0.0
-    for n in range(p.foot.shape[0]):
-        if p.group[p.foot[n]] == p.swings and p.own[n, 0] * p.roll > 0.0:
-            number += 1.0
-            p.pivot += (p.measured.point[n] - p.pivot) / number
+    ends = (p.group[p.foot] == p.swings) & (p.own[:, 0] * p.roll > 0.0)
+    share = ends / max(np.sum(ends), 1)
+    p.pivot[:] = share @ p.measured.point
 
 
 @kernel

@@ -480,10 +480,8 @@ def write_controls(
         m.law[:] = law
         from_mujoco(c, qpos, qvel, c.q, c.v)
     drive_motors(m, torque, c.q, c.v, 1.0)
-    fits = all_finite(m.mean_torque)
-    for j in range(torque.shape[0]):
-        fits = fits and gear[r.output[j], 0] * gain[r.number[j], 0] != 0.0
-    if not fits:
+    drives = np.all(gear[r.output, 0] * gain[r.number, 0] != 0.0)
+    if not drives or not all_finite(m.mean_torque):
         return False
     for j in range(torque.shape[0]):
         ratio, number, force = gear[r.output[j], 0], r.number[j], 0.0

@@ -31,6 +31,7 @@ from harpy_pin.model.mjcf import import_mujoco as import_mujoco
 from harpy_pin.model.record import RecordOf, Records, make_record
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import State, Vector
+from harpy_pin.model.terms import joint_angles, set_joint_angles
 from harpy_pin.model.vectors import rotation_matrix
 from harpy_pin.simulation.mujoco.differences import ROOT, AtZero
 
@@ -189,10 +190,8 @@ def to_mujoco(r: ConventionsRecord, q: Vector, v: Vector, qpos: Vector, qvel: Ve
     base[:3] = q[:3]
     base[3], base[4:] = q[6], q[3:6]
     moving[:3], moving[3:] = rotation_matrix(q[3:7]) @ v[:3], v[3:6]
-    for k in range(r.place.shape[0]):
-        i = r.place[k]
-        qpos[r.position[k]] = np.arctan2(q[i + 1], q[i]) if r.unbounded[k] else q[i]
-        qvel[r.velocity[k]] = v[r.column[k]]
+    qpos[r.position] = joint_angles(q, r.place, r.unbounded)
+    qvel[r.velocity] = v[r.column]
 
 
 @kernel(q="r.q", v="r.v", qpos="r.qpos", qvel="r.qvel")
@@ -205,11 +204,5 @@ def from_mujoco(r: ConventionsRecord, qpos: Vector, qvel: Vector, q: Vector, v: 
     q[:3] = base[:3]
     q[3:6], q[6] = base[4:], base[3]
     v[:3], v[3:6] = rotation_matrix(q[3:7]).T @ moving[:3], moving[3:]
-    for k in range(r.place.shape[0]):
-        i = r.place[k]
-        angle = qpos[r.position[k]]
-        if r.unbounded[k]:
-            q[i], q[i + 1] = np.cos(angle), np.sin(angle)
-        else:
-            q[i] = angle
-        v[r.column[k]] = qvel[r.velocity[k]]
+    set_joint_angles(q, r.place, r.unbounded, qpos[r.position])
+    v[r.column] = qvel[r.velocity]

@@ -186,9 +186,7 @@ def _invert_flat_limb(
 ) -> None:
     """J_kl⁺ = (J_klᵀ J_kl)⁻¹ J_klᵀ; bounded where the limb is singular."""
     out[:] = jacobian[:, limb].T
-    for a in range(out.shape[0]):
-        for c in range(a + 1):
-            normal[a, c] = out[a] @ out[c]
+    normal[:] = out @ out.T
     factorise(normal, normal, MIN_PIVOT)
     solve_transposed(normal, out, out.shape[1])
     solve_factor(normal, out, out.shape[1])
@@ -199,8 +197,7 @@ def root_compliance(e: CondensationRecord, compliance: Vector) -> None:
     """K into the first six rows and columns, with the entries of o whose inverse weight is zero
     taken as fixed.
     """
-    for i in range(6):
-        compliance[i, :6] = e.mass @ (e.inverse_body_weight * e.mass[i])
+    compliance[:6, :6] = (e.mass * e.inverse_body_weight) @ e.mass.T
     for c in range(e.inverse_weight.shape[0]):
         if e.inverse_weight[c] != 0.0:
             for i in range(6):
@@ -240,7 +237,7 @@ def move_limbs(e: CondensationRecord) -> None:
     a, o = e.acceleration, e.free_acceleration
     first = o.shape[0] - e.force_map.shape[1]
     if e.centred:
-        root_of_centre(e, a.reshape((a.shape[0], 1)), o.reshape((o.shape[0], 1)), 1, 1.0)
+        root_of_centre(e, a.reshape((a.shape[0], 1)), o.reshape((o.shape[0], 1)), 1.0)
     rows = e.inverse.shape[2]
     for k in range(e.limb.shape[0]):
         free = o[first + rows * k : first + rows * (k + 1)]
@@ -301,14 +298,12 @@ def _invert(e: CondensationRecord) -> bool:
 
 
 @kernel
-def root_of_centre(
-    e: CondensationRecord, motion: Vector, free: Vector, n: int, bias: float
-) -> None:
-    """The root's acceleration from z, in the first six rows of ``motion`` (≥ 6, ≥ n); ``bias`` says
-    how much of c.
+def root_of_centre(e: CondensationRecord, motion: Vector, free: Vector, bias: float) -> None:
+    """The root's accelerations C⁻¹ (z − c − C_o o) from z, in the first six rows of ``motion``.
+
+    It is (≥ 6, n), ``free`` are n columns of o, and ``bias`` says how much of c.
     """
-    for a in range(n):
-        z = motion[:6, a] + 0.0
-        z[:3] -= bias * e.centre_bias
-        z[:2] -= e.centre_free @ free[:, a]
-        motion[:6, a] = e.root_per_centre @ z
+    z = motion[:6] + 0.0
+    z[:3] -= bias * e.centre_bias[:, None]
+    z[:2] -= e.centre_free @ free
+    motion[:6] = e.root_per_centre @ z

@@ -185,14 +185,12 @@ def _clip_torques(p: CondensedRecord, torque: Vector) -> None:
     """Clip the torques; says in the status which limits are reached, and whether more than rounding
     was clipped.
     """
-    for j in range(torque.shape[0]):
-        limit = p.torque_limit[j]
-        if not abs(torque[j]) <= limit * (1.0 - AT_LIMIT):
-            p.status_and_steps[0] |= TORQUE_LIMITED
-        if not abs(torque[j]) <= limit:
-            if not abs(torque[j]) <= limit * (1.0 + BEYOND):
-                p.status_and_steps[0] |= TORQUE_CLIPPED
-            torque[j] = min(max(torque[j], -limit), limit) if np.isfinite(torque[j]) else 0.0
+    limit = p.torque_limit
+    if not np.all(abs(torque) <= limit * (1.0 - AT_LIMIT)):
+        p.status_and_steps[0] |= TORQUE_LIMITED
+    if not np.all(abs(torque) <= limit * (1.0 + BEYOND)):
+        p.status_and_steps[0] |= TORQUE_CLIPPED
+    torque[:] = np.where(np.isfinite(torque), np.clip(torque, -limit, limit), 0.0)
 
 
 @kernel
