@@ -124,6 +124,7 @@ def task_terms(
     t.joints[:] = p.posture[0] * (p.rest - q[7:]) - p.posture[1] * v[6:]
     for j in range(t.joints.shape[0]):
         _stay_in_range(p, t, j, q[7 + j], v[6 + j])
+    t.force[:] = g.force
     level = is_level(g.normal)
     for k in range(t.held.shape[0]):
         push = foot_force[k, 2] if level else load_on(g.normal[k], foot_force[k])
@@ -179,6 +180,7 @@ def possible_feet(g: GaitTargetRecord) -> bool:
     """Whether the targets of all feet are numbers within ``MAX_SAMPLE``."""
     motion = all_possible_rows(g.foot_position) and all_possible_rows(g.foot_velocity)
     motion = motion and all_possible_rows(g.foot_acceleration)
+    motion = motion and all_possible_rows(g.tilt_rate) and all_possible_rows(g.force)
     motion = (
         motion and all_upward(g.normal) and all_possible(g.ground_height) and all_possible(g.up)
     )
@@ -236,8 +238,10 @@ def _body_targets(
     scale = 2.0 * np.arctan2(norm, abs(turned[3])) / norm if norm > 1e-9 else 2.0
     error = (scale if turned[3] >= 0.0 else -scale) * turned[:3]  # the rotation vector
     vertical = rotation[2]  # in body axes
-    spin = v[3:6] - g.heading[1] * vertical
+    across = g.tilt_rate @ rotation[:2]  # (2, 3) in body axes
+    spin = v[3:6] - g.heading[1] * vertical - across[0]
     t.orientation[:] = g.heading[2] * vertical - p.orientation[0] * error - p.orientation[1] * spin
+    t.orientation += across[1]
 
 
 @kernel
@@ -270,8 +274,8 @@ def below_ground(g: GaitTargetRecord, k: int, place: Vector) -> bool:
 
 @kernel
 def turn_into_contacts(r: TasksRecord, g: GaitTargetRecord, foot_force: Vector) -> None:
-    """Terms, targets and measured forces of the feet, of world axes, in the frames of their
-    contacts.
+    """Terms, targets, planned and measured forces of the feet, of world axes, in the frames of
+    their contacts.
     """
     d, t = r.dynamics, r.targets
     for k in range(t.held.shape[0]):
@@ -281,6 +285,7 @@ def turn_into_contacts(r: TasksRecord, g: GaitTargetRecord, foot_force: Vector) 
     for k in range(t.held.shape[0]):
         t.feet[k] = t.frame[k].T @ t.feet[k]
         t.measured[k] = t.frame[k].T @ foot_force[k]
+        t.force[k] = t.frame[k].T @ t.force[k]
     t.tilted = 1
 
 

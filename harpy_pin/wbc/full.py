@@ -129,6 +129,8 @@ def _full_objective(
         if t.held[c // 3] == 0.0:
             value = t.feet[c // 3, c % 3] - d.foot_drift[c]
             add_task(p.w_swing, d.foot_jacobian[c], value, motion_hessian, motion_gradient)
+        else:
+            qp.gradient[force + c] = -p.w_force * t.force[c // 3, c % 3]
     mirror(motion_hessian, nv)
 
 

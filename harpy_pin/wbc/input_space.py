@@ -143,7 +143,8 @@ def _input_objective(
         weight = p.w_motion[i] if i < 6 else p.w_motion[i] * t.joint_share[i - 6]
         add_task(weight, response[i], desired[i] - free[i], hessian, gradient)
     for a in range(count):
-        add_task(p.w_force, m.gain[a], -m.force[a], hessian, gradient)
+        planned = t.force[m.rows[a] // 3, m.rows[a] % 3]
+        add_task(p.w_force, m.gain[a], planned - m.force[a], hessian, gradient)
     for c in range(d.foot_drift.shape[0]):
         if t.held[c // 3] == 0.0:
             _add_swing_task(p.w_swing, d, t, m, c, hessian, gradient)

@@ -2,11 +2,11 @@
 
 With the limbs eliminated (:mod:`harpy_pin.wbc.condensed.condense`) the whole-body problem is
 
-    minimise    ½ fᵀ H f + gᵀ f,    H = G_fᵀ K⁻¹ G_f + w_f I,    g = −G_fᵀ K⁻¹ w
+    minimise    ½ fᵀ H f + gᵀ f,    H = G_fᵀ K⁻¹ G_f + w_f I,    g = −G_fᵀ K⁻¹ w − w_f f*
     subject to  every f_k in its friction pyramid and its range of normal force
 
 with three unknowns for each foot: the cost of given forces is what the root's six equations leave
-of the tasks.
+of the tasks. f* are planned forces, zero where none are planned.
 """
 
 from __future__ import annotations
@@ -69,6 +69,7 @@ class TargetsRecord(RecordOf):
     )  # by which the weight of each joint's task is multiplied
     held: Vector = sized("feet", fill=1.0)
     force_range: Vector
+    force: Vector = sized("feet", 3)
     friction: Vector = sized("feet", fill=np.inf)
     tilted: int = ZERO
     centred: int = ZERO
@@ -109,7 +110,11 @@ def force_objective(
     response[:] = e.force_map
     root_cost(e, response, qp)
     for a in range(response.shape[1]):
-        qp.hessian[a, a] += p.w_force if t.held[a // 3] != 0.0 else 1.0
+        if t.held[a // 3] != 0.0:
+            qp.hessian[a, a] += p.w_force
+            qp.gradient[a] -= p.w_force * t.force[a // 3, a % 3]
+        else:
+            qp.hessian[a, a] += 1.0
 
 
 @kernel

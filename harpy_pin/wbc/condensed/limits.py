@@ -106,6 +106,7 @@ def _add_weights(
             qp.hessian[a, a] += p.w_arms * t.joint_share[others[a - thrusts] - 6]
         elif t.held[(a - first) // 3] != 0.0:
             qp.hessian[a, a] += p.w_force
+            qp.gradient[a] -= p.w_force * t.force[(a - first) // 3, (a - first) % 3]
         elif p.w_swing == 0.0:
             qp.hessian[a, a] += 1.0
         else:
