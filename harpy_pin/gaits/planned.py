@@ -32,6 +32,8 @@ from harpy_pin.model.state import State, Vector
 
 SHORTEST = 0.05
 """Time that a foot needs at least for a swing, s: with less left it stays on the ground."""
+BLIND = 0.15
+"""The same of a swing that the plan does not show the end of, s."""
 FUTURE = 0.1
 """How long before it begins a plan may come, s."""
 JUMP, TURN = 0.3, 0.5
@@ -328,7 +330,8 @@ class PlannedGait:
         target, t = self.target, self._time
         if not contact:
             landing = float(now.landing[k])
-            if not self._swings[k] and landing - t > SHORTEST:
+            least = BLIND if landing == self.plan.times[-1] else SHORTEST
+            if not self._swings[k] and landing - t > least:
                 self._swings[k], self._lifted[k], step = True, t, 0.0
                 self._foot[k] = state.foot_position[k], np.zeros(3), np.zeros(3)
                 self._height[k] = state.foot_position[k, 2]
