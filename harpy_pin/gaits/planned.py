@@ -201,12 +201,15 @@ class PlannedGait:
         }
 
     def telemetry(self) -> Mapping[str, ArrayLike]:
-        """The plan's age, s; whether one is followed; how many were taken and refused."""
+        """The plan's age, s; whether one is followed; how many were taken and refused; the planned
+        forces, N.
+        """
         return {
             "plan_age": self.age,
             "plan_followed": float(self.plan is not None),
             "plans_taken": float(self.taken),
             "plans_refused": float(self.refused),
+            "planned_force": self.target.force,
         }
 
     def update(self, t: float) -> GaitTarget:
@@ -229,6 +232,7 @@ class PlannedGait:
         self.plan = None
         if self._stood is None:
             self._stood, self._swings = t, [False] * len(self._swings)
+            self.target.force[:] = 0.0
         return self.stand.update(t - self._stood)
 
     def _ask(self, state: State) -> None:
