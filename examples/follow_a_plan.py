@@ -1,7 +1,6 @@
 """An MPC of one's own above the condensed whole-body controller: Go2 trots by one rigid body."""
 
 import numpy as np
-import pinocchio as pin
 
 import harpy_pin as hp
 
@@ -16,18 +15,18 @@ class TrotMpc:
     """A single rigid body (Di Carlo et al. 2018); the controller sees to the friction cones."""
 
     def __init__(self, robot: hp.Robot, forward: float, left: float = 0.0) -> None:
-        self.robot, self.data = robot, robot.model.createData()
+        self.robot, self.terms = robot, hp.Dynamics(robot)
         self.velocity = np.array([forward, left, 0, 0, 0, 0])
-        dynamics, (q, v) = hp.Dynamics(robot), hp.Standing(robot).initial_state()
-        dynamics.update(q, v)
-        self.hips = dynamics.foot_position - dynamics.foot_position.mean(axis=0)
-        self.height = pin.centerOfMass(robot.model, self.data, q)[2]
+        q, v = hp.Standing(robot).initial_state()
+        self.terms.update(q, v)
+        self.height, self.hips = q[2], self.terms.foot_position - q[:3]
 
     def plan(self, state: hp.State) -> hp.Plan:
-        pin.ccrba(self.robot.model, self.data, state.q, state.v)
-        body, turn = self.data.Ig, pin.Quaternion(state.q[3:7]).matrix()
-        x = np.concatenate((self.data.com[0], pin.rpy.matrixToRpy(turn)))
-        v = np.concatenate((self.data.hg.linear / body.mass, turn @ state.v[3:6]))
+        self.terms.update(state.q, state.v)
+        r = self.terms.rotation
+        angles = np.arctan2(r[2, 1], r[2, 2]), -np.arcsin(r[2, 0]), np.arctan2(r[1, 0], r[0, 0])
+        inertia = r @ self.terms.mass_matrix[3:6, 3:6] @ r.T
+        x, v = np.array([*state.q[:3], *angles]), (state.v[:6].reshape(2, 3) @ r.T).ravel()
         path = x + AHEAD * self.velocity  # that is wanted
         path[:, 2:5] = self.height, 0, 0
         times = state.t + DT * np.arange(N + 1)
@@ -39,8 +38,8 @@ class TrotMpc:
         feet = np.where((contact[0] & (step == step[0]))[..., None], state.foot_position, feet)
         gain = np.zeros((N, 6, 4, 3))  # accelerations per force
         for i, k in np.argwhere(contact):
-            gain[i, :3, k] = np.eye(3) / body.mass
-            gain[i, 3:, k] = np.linalg.solve(body.inertia, pin.skew(feet[i, k] - path[i, :3]))
+            gain[i, :3, k] = np.eye(3) / self.robot.mass
+            gain[i, 3:, k] = np.linalg.solve(inertia, np.cross(np.eye(3), feet[i, k] - path[i, :3]))
         a = np.einsum("sij,jakc->siajkc", SUMS, gain).reshape(12 * N, 12 * N)
         falls = np.array([x + AHEAD * v, np.tile(v, (N, 1))])
         falls += SUMS.sum(axis=2)[..., None] * [0, 0, -9.81, 0, 0, 0]
@@ -50,7 +49,7 @@ class TrotMpc:
         x, v = np.hstack(([[x], [v]], falls + (a @ force).reshape(2, N, 6)))
         return hp.Plan(times=times, position=x[:, :3], velocity=v[:, :3], orientation=x[:, 3:],
                        angular_velocity=v[:, 3:], contact=contact, foothold=feet,
-                       force=force.reshape(N, 4, 3), centre_of_mass=True)  # fmt: skip
+                       force=force.reshape(N, 4, 3))  # fmt: skip
 
 
 go2 = hp.load_robot("go2")

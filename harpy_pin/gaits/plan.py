@@ -146,8 +146,11 @@ class Plan:
 
         Args:
             t: time, s; before the plan begins its first state, after its end the last.
+
+        Raises:
+            InputError: t is not finite.
         """
-        t = min(max(t, self._grid[0]), self._grid[-1])
+        t = min(max(checks.number("t", t), self._grid[0]), self._grid[-1])
         i = min(bisect_right(self._grid, t), len(self._grid) - 1) - 1
         since, span = t - self._grid[i], self._grid[i + 1] - self._grid[i]
         s = since / span

@@ -8,6 +8,7 @@ robot stands.
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Mapping
 from concurrent.futures import Executor, Future
 from typing import Any, Protocol
@@ -23,7 +24,6 @@ from harpy_pin.gaits.fitting import leg_length
 from harpy_pin.gaits.gait import Gait, GaitTarget, Unobserved
 from harpy_pin.gaits.plan import Plan, PlannedMoment
 from harpy_pin.gaits.swing import on_its_way
-from harpy_pin.gaits.velocity import warn_maker
 from harpy_pin.gaits.walking.swinging import DESCENT
 from harpy_pin.gaits.walking.walking_gait import CLEARANCE, OFFSET, WalkingGait
 from harpy_pin.model.entry import as_state
@@ -32,8 +32,6 @@ from harpy_pin.model.state import State, Vector
 
 SHORTEST = 0.05
 """Time that a foot needs at least for a swing, s: with less left it stays on the ground."""
-BLIND = 0.15
-"""The same of a swing that the plan does not show the end of, s."""
 FUTURE = 0.1
 """How long before it begins a plan may come, s."""
 JUMP, TURN = 0.3, 0.5
@@ -261,7 +259,8 @@ class PlannedGait:
         except Exception as error:
             self.refused, self.error = self.refused + 1, error
             if self.refused == 1:
-                warn_maker(f"a plan was refused at {self._time:.3f} s: {error!r}")
+                message = f"a plan was refused at {self._time:.3f} s: {error!r}"
+                warnings.warn(message, stacklevel=2)
 
     def _check(self, plan: Plan, state: State) -> None:
         """Refuse what cannot be followed.
@@ -290,6 +289,8 @@ class PlannedGait:
             largest = float(np.linalg.norm(rows, axis=-1).max(initial=0.0))
             if largest > most:
                 raise InputError(f"its {what.format(largest)}", name="plan")
+        if plan.rotation[:, 2, 2].min() < 0.0:
+            raise InputError("its body turns over", name="plan")
         now, body = plan.at(t), pin.Quaternion(state.q[3:7]).matrix()
         away = float(np.linalg.norm(now.position - self._measured(plan.centre_of_mass, state)[0]))
         turned = float(np.linalg.norm(pin.log3(body.T @ now.rotation)))
@@ -334,8 +335,7 @@ class PlannedGait:
         target, t = self.target, self._time
         if not contact:
             landing = float(now.landing[k])
-            least = BLIND if landing == self.plan.times[-1] else SHORTEST
-            if not self._swings[k] and landing - t > least:
+            if not self._swings[k] and landing - t > SHORTEST:
                 self._swings[k], self._lifted[k], step = True, t, 0.0
                 self._foot[k] = state.foot_position[k], np.zeros(3), np.zeros(3)
                 self._height[k] = state.foot_position[k, 2]

@@ -175,8 +175,8 @@ class WholeBodyTargets(KeepsViews):
         held: (feet,) 1 where a foot is held on the ground, else 0; the same for all corners of a
             flat foot.
         force_range: (feet, 2) f_min and f_max of each foot that is held, N.
-        force: (feet, 3) planned contact forces, world axes, N, from which the weight on forces counts;
-            zero to begin with.
+        force: (feet, 3) planned contact forces, world axes, N, from which the weight on forces
+            counts; zero to begin with.
         friction: (feet,) friction coefficient of each foot where it is below that of the limits,
             such as an estimate; infinite where there is none.
         tilted: 1 where the ground is not level at every foot; then controllers express position,

@@ -287,6 +287,7 @@ WRONG = {
     "feet": (two_feet, "it has 2 feet, and 'go2' 4"),
     "jump": (broken(position=lambda p: np.add(p.position, (0.2, 0.0, 0.0))), "0.20 m and"),
     "turned": (broken(orientation=lambda p: (0.0, 0.0, 1.0)), "rad from the measured body"),
+    "over": (broken(orientation=lambda p: np.linspace((0, 0, 0), (3, 0, 0), 17)), "turns over"),
     "leap": (
         broken(position=lambda p: p.position + 0.3 * (np.arange(17) == 9)[:, None]),
         "positions change by",
