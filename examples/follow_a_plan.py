@@ -14,9 +14,9 @@ SUMS = np.array([DT * np.tril(AHEAD - AHEAD.T + 0.5 * DT), DT * np.tri(N)])  # o
 class TrotMpc:
     """A single rigid body (Di Carlo et al. 2018); the controller sees to the friction cones."""
 
-    def __init__(self, robot: hp.Robot, forward: float, left: float = 0.0) -> None:
+    def __init__(self, robot: hp.Robot, forward: float) -> None:
         self.robot, self.terms = robot, hp.Dynamics(robot)
-        self.velocity = np.array([forward, left, 0, 0, 0, 0])
+        self.velocity = np.array([forward, 0, 0, 0, 0, 0])
         q, v = hp.Standing(robot).initial_state()
         self.terms.update(q, v)
         self.height, self.hips = q[2], self.terms.foot_position - q[:3]
@@ -28,7 +28,7 @@ class TrotMpc:
         inertia = r @ self.terms.mass_matrix[3:6, 3:6] @ r.T
         x, v = np.array([*state.q[:3], *angles]), (state.v[:6].reshape(2, 3) @ r.T).ravel()
         path = x + AHEAD * self.velocity  # that is wanted
-        path[:, 2:5] = self.height, 0, 0
+        path[:, 1:] = 0, self.height, 0, 0, 0
         times = state.t + DT * np.arange(N + 1)
         clock = times[:-1, None] / STEP + 1e-6 + PAIR
         contact, step = clock % 2 < 1, clock // 2

@@ -11,6 +11,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable, Mapping
 from concurrent.futures import Executor, Future
+from math import atan2
 from typing import Any, Protocol
 
 import numpy as np
@@ -140,6 +141,7 @@ class PlannedGait:
         """Forget all plans."""
         feet = len(self.robot.feet)
         self.plan: Plan | None = None
+        self._newest: Plan | None = None  # that was taken
         self._pending: Future[Any] | None = None
         self.taken = self.refused = 0
         self.error: Exception | None = None
@@ -253,9 +255,10 @@ class PlannedGait:
         """Follow a plan from now on, or refuse it."""
         try:
             plan = found()
-            if plan is not None and plan is not self.plan:
+            if plan is not None and plan is not self._newest:
                 self._check(plan, state)
-                self.plan, self.taken = plan, self.taken + 1
+                self.plan = self._newest = plan
+                self.taken += 1
         except Exception as error:
             self.refused, self.error = self.refused + 1, error
             if self.refused == 1:
@@ -307,7 +310,7 @@ class PlannedGait:
 
     def _follow(self, now: PlannedMoment, centre: bool, state: State, step: float) -> None:
         """Write the targets of a moment of the plan."""
-        target, (ux, uy, uz) = self.target, now.rotation[:, 2]
+        target, spin, bend = self.target, now.angular_velocity, now.angular_acceleration
         place, velocity = now.position, now.velocity
         if centre:  # the body's origin is as far from its target as the centre of mass is
             origin, origin_velocity = self._measured(False, state)
@@ -316,44 +319,47 @@ class PlannedGait:
             velocity = velocity + origin_velocity - centre_velocity
         target.centre_of_mass[:] = centre
         target.body[:] = np.concatenate((place, velocity, now.acceleration))
-        target.up[:] = ux, uy, uz
+        target.up[:] = up = now.rotation[:, 2]
         ahead = now.rotation[:, 0]  # turned upright by the shortest rotation it shows the heading
-        x, y = ahead[:2] - ahead[2] / (1.0 + uz) * now.rotation[:2, 2]
-        spin, bend = now.angular_velocity, now.angular_acceleration
-        target.heading[:] = np.arctan2(y, x), spin[2], bend[2]
+        x, y = ahead[:2] - ahead[2] / (1.0 + up[2]) * up[:2]
+        target.heading[:] = atan2(y, x), spin[2], bend[2]
         target.tilt_rate[:] = spin[:2], bend[:2]
         target.force[:] = now.force
         target.ground_height[:] = now.foothold[:, 2]
+        target.stance[:] = 1.0
+        target.phase[:] = 0.5
+        # Feet in world axes: one that should be on the ground is let down where it is
+        motion = np.zeros((3, *state.foot_position.shape))
+        motion[0] = state.foot_position
+        motion[1, :, 2] = -DESCENT
         for k, contact in enumerate(now.contact.tolist()):
-            self._move(k, contact, now, state, step)
-        target.foot_position -= place
-        target.foot_velocity -= velocity
-        target.foot_acceleration -= now.acceleration
+            if self._is_in_air(k, contact, float(now.landing[k]), state):
+                target.stance[k] = 0.0
+                target.phase[k] = self._swing(k, now.foothold[k], step)
+                motion[:, k] = self._foot[k]
+        target.foot_position[:] = motion[0] - place
+        target.foot_velocity[:] = motion[1] - velocity
+        target.foot_acceleration[:] = motion[2] - now.acceleration
 
-    def _move(self, k: int, contact: bool, now: PlannedMoment, state: State, step: float) -> None:
-        """Write the targets of foot k, in world axes."""
-        target, t = self.target, self._time
+    def _is_in_air(self, k: int, contact: bool, landing: float, state: State) -> bool:
+        """Whether foot k swings; it begins to where the plan says so and leaves it the time."""
+        t = self._time
         if not contact:
-            landing = float(now.landing[k])
             if not self._swings[k] and landing - t > SHORTEST:
-                self._swings[k], self._lifted[k], step = True, t, 0.0
+                self._swings[k], self._lifted[k] = True, t
                 self._foot[k] = state.foot_position[k], np.zeros(3), np.zeros(3)
-                self._height[k] = state.foot_position[k, 2]
+                self._height[k] = float(state.foot_position[k, 2])
             self._lands[k] = landing
         elif t >= self._lands[k]:  # one that a new plan has on the ground early goes on to land
             self._swings[k] = False
-        target.stance[k], target.phase[k] = 1.0, 0.5
-        if not self._swings[k]:  # let down where it does not touch the ground
-            target.foot_position[k] = state.foot_position[k]
-            target.foot_velocity[k] = 0.0, 0.0, -DESCENT
-            target.foot_acceleration[k] = 0.0
-            return
-        goal, left = now.foothold[k] - (0.0, 0.0, OFFSET), self._lands[k] - t + step
-        rise = left - 0.5 * (self._lands[k] - self._lifted[k])
-        apex = max(self._height[k], float(now.foothold[k, 2])) + self.clearance
+        return self._swings[k]
+
+    def _swing(self, k: int, foothold: Vector, step: float) -> float:
+        """Bring a foot in the air to the present time; returns the share of its swing."""
+        lifted, lands = self._lifted[k], self._lands[k]
+        step = min(step, self._time - lifted)
+        left, height = lands - self._time + step, float(foothold[2])
+        goal, apex = (*foothold[:2], height - OFFSET), max(self._height[k], height) + self.clearance
+        rise = left - 0.5 * (lands - lifted)
         self._foot[k] = on_its_way(self._foot[k], goal, step, left, rise, apex)
-        target.foot_position[k], target.foot_velocity[k], target.foot_acceleration[k] = self._foot[
-            k
-        ]
-        target.stance[k] = 0.0
-        target.phase[k] = min((t - self._lifted[k]) / (self._lands[k] - self._lifted[k]), 1.0)
+        return min((self._time - lifted) / (lands - lifted), 1.0)

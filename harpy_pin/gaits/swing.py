@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -48,7 +50,7 @@ def swing(
     state[: 3 if given.shape == (3, 3) else 1] = checks.vector(
         "foot", foot, (3, 3) if given.shape == (3, 3) else 3
     )
-    end = checks.vector("goal", goal, 3)
+    end = checks.vector("goal", goal, 3).tolist()
     landing = checks.number("left", left)
     top = 0.5 * landing if rise is None else checks.number("rise", rise)
     if top > max(landing, 0.0):
@@ -58,15 +60,15 @@ def swing(
 
 
 def on_its_way(
-    foot: Vector, goal: Vector, t: float, left: float, rise: float, apex: float
+    foot: Vector, goal: Sequence[float], t: float, left: float, rise: float, apex: float
 ) -> Vector:
     """:func:`swing` without its checks, from a state (3, 3)."""
-    x, y = (toward(*foot[:, i].tolist(), float(goal[i]), left, t) for i in range(2))
-    z: tuple[float, float, float]
+    x, y, z = foot.T.tolist()
+    ends = [toward(*x, goal[0], left, t), toward(*y, goal[1], left, t)]
     if t < rise:
-        z = toward(*foot[:, 2].tolist(), apex, rise, t)
+        ends.append(toward(*z, apex, rise, t))
     elif rise > 0.0:
-        z = toward(apex, 0.0, 0.0, float(goal[2]), left - rise, t - rise)
+        ends.append(toward(apex, 0.0, 0.0, goal[2], left - rise, t - rise))
     else:
-        z = toward(*foot[:, 2].tolist(), float(goal[2]), left, t)
-    return np.array((x, y, z)).T
+        ends.append(toward(*z, goal[2], left, t))
+    return np.array(ends).T
