@@ -11,7 +11,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable, Mapping
 from concurrent.futures import Executor, Future
-from math import atan2
+from math import atan2, isfinite
 from typing import Any, Protocol
 
 import numpy as np
@@ -27,7 +27,7 @@ from harpy_pin.gaits.plan import Plan, PlannedMoment
 from harpy_pin.gaits.swing import on_its_way
 from harpy_pin.gaits.walking.swinging import DESCENT
 from harpy_pin.gaits.walking.walking_gait import CLEARANCE, OFFSET, WalkingGait
-from harpy_pin.model.entry import as_state
+from harpy_pin.model.entry import all_possible, all_possible_rows, as_state, is_unit
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import State, Vector
 
@@ -128,7 +128,8 @@ class PlannedGait:
         q, _ = self.initial_state()
         pin.framesForwardKinematics(robot.model, self._data, q)
         places = [self._data.oMf[robot.frame_id(name)].translation for name in robot.feet]
-        self._reach = REACH * max(float(np.linalg.norm(place - q[:3])) for place in places)
+        ways = [float(np.linalg.norm(place - q[:3])) for place in places]
+        self._reach = REACH * max(ways, default=0.0)
         self.target = GaitTarget(len(robot.feet))
         self._state: State | None = None
         self._begin(0.0)
@@ -167,14 +168,15 @@ class PlannedGait:
         return f"{does}; {self.refused} refused: {type(self.error).__name__}: {self.error}"
 
     def observe(self, state: State) -> None:
-        """See :class:`Gait`; a state with entries that are not finite is ignored.
+        """See :class:`Gait`; a bad sample is ignored.
 
         Raises:
             InputError: it is no state of the robot.
         """
         state = as_state(state, self.robot)
-        arrays = (state.q, state.v, state.foot_position, state.foot_velocity, state.foot_force)
-        if np.isfinite(state.t + sum(array.sum() for array in arrays)):
+        good = all_possible(state.q) and all_possible(state.v) and is_unit(state.q)
+        feet = (state.foot_position, state.foot_velocity, state.foot_force)
+        if good and isfinite(state.t) and all(map(all_possible_rows, feet)):
             self._state = state.copy()
         if hasattr(self.stand, "observe"):
             self.stand.observe(state)

@@ -406,6 +406,25 @@ def test_it_is_a_gait_like_others():
         hp.PlannedGait(go2(), lambda state: None)
 
 
+def test_bad_samples_are_ignored():
+    """Every tenth of them: the planner never sees one, and the robot walks."""
+    gait = hp.PlannedGait(go2(), Trot(go2(), (0.5, 0.0)))
+    observe, count = gait.observe, iter(range(10_000))
+
+    def spoilt(state):
+        state = state.copy()
+        bad = next(count)
+        if bad % 10 == 5:
+            array = (state.q, state.v, state.foot_position)[bad % 3]
+            array[...] = (np.nan, 0.0, np.inf)[bad // 10 % 3]
+        observe(state)
+
+    gait.observe = spoilt
+    run = hp.walk(hp.Scenario(controller="condensed", duration=1.0), gait=gait)
+    assert run.ending == "completed"
+    assert gait.refused == 0
+
+
 def test_clock_that_goes_back_begins_anew():
     gait = hp.PlannedGait(go2(), Trot(go2(), (0.5, 0.0)))
     runs = []
