@@ -19,7 +19,8 @@ class TrotMpc:
         self.velocity = np.array([forward, 0, 0, 0, 0, 0])
         q, v = hp.Standing(robot).initial_state()
         self.terms.update(q, v)
-        self.height, self.hips = q[2], self.terms.foot_position - q[:3]
+        feet, self.height = self.terms.foot_position, q[2]
+        self.hips = feet - feet.mean(axis=0)
 
     def plan(self, state: hp.State) -> hp.Plan:
         self.terms.update(state.q, state.v)
