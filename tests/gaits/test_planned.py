@@ -7,6 +7,7 @@ from __future__ import annotations
 import pickle
 import threading
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from functools import cache
 from itertools import pairwise
 
@@ -20,6 +21,8 @@ from trot_planner import Trot
 
 import harpy_pin as hp
 from harpy_pin.gaits import swing
+from harpy_pin.wbc import WholeBodyLimits, WholeBodyTargets, make_problem, make_solver
+from harpy_pin.wbc.condensed import CondensedSolver
 
 go2 = cache(lambda: hp.load_robot("go2"))
 pytestmark = [needs_robots, pytest.mark.filterwarnings("ignore:a plan was refused")]
@@ -352,6 +355,36 @@ def test_slow_planner_in_a_thread_is_never_waited_for():
         run, gait = walk(inner, duration=1.0, executor=executor)
     assert run.ending == "completed"
     assert gait.taken > 1
+
+
+@pytest.mark.parametrize("formulation", ["full", "input_space"])
+def test_condensed_and_programs_have_one_optimum_with_planned_forces(formulation):
+    """At random states and planned forces, in every support: to a millionth of a newton."""
+    robot, rng, limits = go2(), np.random.default_rng(3), WholeBodyLimits(mu=0.6)
+    fitting = hp.controllers.WholeBodyParameters.for_gait(hp.Standing(robot)).weights
+    weights = replace(fitting, posture=1e-12, force=1e-3)  # the condensed one has no posture task
+    condensed = CondensedSolver(robot, weights, limits)
+    problem = make_problem(formulation, robot, weights, limits)
+    solver, dynamics = make_solver("daqp", problem.program), hp.Dynamics(robot)
+    standing, moved = hp.Standing(robot).initial_state()[0], 0
+    for k in range(64):
+        q = pin.integrate(robot.model, standing, 0.1 * rng.standard_normal(18))
+        v, targets = 0.3 * rng.standard_normal(18), WholeBodyTargets(robot)
+        targets.held[:] = [(k >> foot) & 1 for foot in range(4)]
+        targets.body[:], targets.orientation[:] = 2.0 * rng.standard_normal((2, 3))
+        targets.feet[:] = rng.standard_normal((4, 3))
+        targets.force_range[:] = (1.0, 200.0)
+        dynamics.update(q, v)
+        condensed.solve(dynamics, v, dynamics.rotation, targets)
+        without = condensed.force.copy()
+        targets.force[:] = rng.uniform((-10.0, -10.0, 0.0), (10.0, 10.0, 80.0), (4, 3))
+        condensed.solve(dynamics, v, dynamics.rotation, targets)
+        problem.build(dynamics, v, dynamics.rotation, targets)
+        assert solver.solve(problem.program).usable
+        expected = problem.contact_force(solver.solution.z)
+        np.testing.assert_allclose(condensed.force, expected, rtol=0, atol=1e-6)
+        moved += np.abs(condensed.force - without).max() > 1.0
+    assert moved > 30
 
 
 @pytest.mark.parametrize("controller", ["condensed", "wbc"])

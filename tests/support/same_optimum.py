@@ -9,7 +9,7 @@ from harpy_pin.wbc import WholeBodyTargets, make_problem, make_solver
 from harpy_pin.wbc.condensed import CondensedSolver, CondensedStatus
 
 
-def same_optimum(robot, states, weights, limits, formulations, *, spread, most, planned=0.0):
+def same_optimum(robot, states, weights, limits, formulations, *, spread, most):
     """At random targets, a support after the other, with at most so much normal force: the same
     forces and inputs, and always within every limit; returns how often thrusts were at a limit, and
     forces at that of their pyramid.
@@ -27,7 +27,6 @@ def same_optimum(robot, states, weights, limits, formulations, *, spread, most, 
         targets.body[:], targets.orientation[:] = spread * rng.standard_normal((2, 3))
         targets.feet[:] = rng.standard_normal(targets.feet.shape)
         targets.force_range[:] = (0.5, most)
-        targets.force[:] = planned * rng.standard_normal(targets.force.shape)
         dynamics.update(q, v)
         found = law.solve(dynamics, v, dynamics.rotation, targets)
         for problem, solver in zip(problems, solvers, strict=True):
