@@ -170,7 +170,9 @@ def force_objective(
     """
     response[:] = e.force_map
     root_cost(e, response, qp)
-    diagonal(qp.hessian)[:] += np.where(np.repeat(t.held, 3) != 0.0, p.w_force, 1.0)
+    held = np.repeat(t.held, 3) != 0.0
+    diagonal(qp.hessian)[:] += np.where(held, p.w_force, 1.0)
+    qp.gradient -= np.where(held, p.w_force * t.force.reshape((held.shape[0],)), 0.0)
 
 
 @kernel

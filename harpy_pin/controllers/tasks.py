@@ -130,6 +130,7 @@ def task_terms(
     _body_targets(d.tree, g, p, t, q, v)
     t.joints[:] = p.posture[0] * (p.rest - q[7:]) - p.posture[1] * v[6:]
     _stay_in_range(p, t, q[7:], v[6:])
+    t.force[:] = g.force
     level = is_level(g.normal)
     # A foot is held where it should be on the ground and is, or when it meets the ground early.
     push, expected = np.sum(g.normal * foot_force, axis=1), g.stance != 0.0
@@ -178,6 +179,7 @@ def possible_feet(g: GaitTargetRecord) -> bool:
     """Whether the targets of all feet are numbers within ``MAX_SAMPLE``."""
     motion = all_possible_rows(g.foot_position) and all_possible_rows(g.foot_velocity)
     motion = motion and all_possible_rows(g.foot_acceleration)
+    motion = motion and all_possible_rows(g.tilt_rate) and all_possible_rows(g.force)
     motion = (
         motion and all_upward(g.normal) and all_possible(g.ground_height) and all_possible(g.up)
     )
@@ -235,8 +237,10 @@ def _body_targets(
     scale = 2.0 * np.arctan2(norm, abs(turned[3])) / norm if norm > 1e-9 else 2.0
     error = (scale if turned[3] >= 0.0 else -scale) * turned[:3]  # the rotation vector
     vertical = rotation[2]  # in body axes
-    spin = v[3:6] - g.heading[1] * vertical
+    across = g.tilt_rate @ rotation[:2]  # (2, 3) in body axes
+    spin = v[3:6] - g.heading[1] * vertical - across[0]
     t.orientation[:] = g.heading[2] * vertical - p.orientation[0] * error - p.orientation[1] * spin
+    t.orientation += across[1]
 
 
 @kernel
@@ -264,8 +268,8 @@ def _height_above(g: GaitTargetRecord, place: Vector) -> Vector:
 
 @kernel
 def turn_into_contacts(r: TasksRecord, g: GaitTargetRecord, foot_force: Vector) -> None:
-    """Terms, targets and measured forces of the feet, of world axes, in the frames of their
-    contacts.
+    """Terms, targets, planned and measured forces of the feet, of world axes, in the frames of
+    their contacts.
     """
     d, t = r.dynamics, r.targets
     contact_frames(g.normal, t.frame)
@@ -274,6 +278,7 @@ def turn_into_contacts(r: TasksRecord, g: GaitTargetRecord, foot_force: Vector) 
     t.measured[:] = foot_force
     to_contacts(t.frame, t.measured)
     to_contacts(t.frame, t.feet)
+    to_contacts(t.frame, t.force)
     t.tilted = 1
 
 

@@ -38,6 +38,7 @@ class GaitTargetRecord(RecordOf):
 
     body: Vector = sized(9)
     heading: Vector = sized(3)
+    tilt_rate: Vector = sized(2, 2)
     foot_position: Vector = sized("feet", 3)
     foot_velocity: Vector = sized("feet", 3)
     foot_acceleration: Vector = sized("feet", 3)
@@ -49,6 +50,7 @@ class GaitTargetRecord(RecordOf):
     ground_height: Vector = sized("feet")
     up: Vector = sized(3)
     centre_of_mass: Vector = sized(1)
+    force: Vector = sized("feet", 3)
 
 
 _ARRAYS = tuple(GaitTargetRecord.__annotations__)
@@ -67,6 +69,8 @@ class GaitTarget(KeepsViews, GaitTargetRecord):
         body: (9,) position c_t (m), velocity (m/s), acceleration (m/s²) of the body, world.
         heading: (3,) yaw of the upright target body (rad), its rate (rad/s) and acceleration
             (rad/s²); zero where the gait faces x.
+        tilt_rate: (2, 2) angular velocity of the target body about the world's x and y (rad/s), and
+            its rate (rad/s²); zero where a gait says nothing else.
         foot_position: (feet, 3) each foot relative to the body's target, world axes, m.
         foot_velocity: (feet, 3) of that, m/s.
         foot_acceleration: (feet, 3) of that, m/s².
@@ -88,6 +92,9 @@ class GaitTarget(KeepsViews, GaitTargetRecord):
             says nothing else.
         centre_of_mass: (1,) 1 where the horizontal acceleration in ``body`` is that of the centre
             of mass, for the whole-body controllers, instead of that of the body's origin.
+        force: (feet, 3) planned contact forces, world axes, N, to which those that whole-body
+            controllers choose are near where the other tasks leave a choice; zero where a gait says
+            nothing else. Forces on feet that are not held do not count.
     """
 
     _record_: Records[GaitTargetRecord]
@@ -250,6 +257,7 @@ def copy_target(g: GaitTargetRecord, o: GaitTargetRecord) -> None:
     """Copy all targets of ``g`` to ``o``."""
     o.body[:] = g.body
     o.heading[:] = g.heading
+    o.tilt_rate[:] = g.tilt_rate
     o.foot_position[:] = g.foot_position
     o.foot_velocity[:] = g.foot_velocity
     o.foot_acceleration[:] = g.foot_acceleration
@@ -261,6 +269,7 @@ def copy_target(g: GaitTargetRecord, o: GaitTargetRecord) -> None:
     o.ground_height[:] = g.ground_height
     o.up[:] = g.up
     o.centre_of_mass[:] = g.centre_of_mass
+    o.force[:] = g.force
 
 
 class ClockGait(Gait):

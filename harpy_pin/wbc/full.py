@@ -120,6 +120,8 @@ def _full_objective(
     motion_gradient[:] = -weight * desired
     diagonal(qp.hessian)[:nt] = p.w_thrust
     diagonal(qp.hessian)[force : force + nf] = p.w_force
+    planned = np.where(np.repeat(t.held, 3) != 0.0, t.force.reshape((nf,)), 0.0)
+    qp.gradient[force : force + nf] = -p.w_force * planned
     diagonal(motion_hessian)[:] = weight
     if t.centred:
         _centre_task(d, t, p, v, rotation, motion_hessian, motion_gradient)

@@ -53,6 +53,7 @@ class TargetsRecord(RecordOf):
     )  # by which the weight of each joint's task is multiplied
     held: Vector = sized("feet", fill=1.0)
     force_range: Vector
+    force: Vector = sized("feet", 3)
     friction: Vector = sized("feet", fill=np.inf)
     tilted: int = ZERO
     centred: int = ZERO

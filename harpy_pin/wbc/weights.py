@@ -146,6 +146,7 @@ def thrust_box(robot: Robot, limits: WholeBodyLimits) -> tuple[Vector, Vector]:
 @fixed_arrays(
     "body",
     "feet",
+    "force",
     "force_range",
     "frame",
     "friction",
@@ -175,6 +176,8 @@ class WholeBodyTargets(KeepsViews):
         held: (feet,) 1 where a foot is held on the ground, else 0; the same for all corners of a
             flat foot.
         force_range: (feet, 2) f_min and f_max of each foot that is held, N.
+        force: (feet, 3) planned contact forces, world axes, N, from which the weight on forces
+            counts; zero to begin with.
         friction: (feet,) friction coefficient of each foot where it is below that of the limits,
             such as an estimate; infinite where there is none.
         tilted: 1 where the ground is not level at every foot; then controllers express position,
@@ -198,6 +201,7 @@ class WholeBodyTargets(KeepsViews):
         self.joints: Vector = field(self._record_, "joints")
         self.joint_share: Vector = field(self._record_, "joint_share")
         self.held: Vector = field(self._record_, "held")
+        self.force: Vector = field(self._record_, "force")
         self.force_range: Vector = field(self._record_, "force_range")
         self.friction: Vector = field(self._record_, "friction")
         self.frame: Vector = field(self._record_, "frame")

@@ -98,6 +98,14 @@ class Attached:
         pass
 
 
+class Silent:
+    """A planner without a plan."""
+
+    def plan(self, state: hp.State) -> hp.Plan | None:
+        """None."""
+        return None
+
+
 @cache
 def values() -> dict[str, Any]:
     """Honest values by the name of the argument; with that of the callable in front, where it means
@@ -266,8 +274,23 @@ def values() -> dict[str, Any]:
         "model.leg_inverse_kinematics.foot": np.array([0.0, 0.1, -0.5]),
         "model.solve_ik.targets": {"left_foot": np.array([0.0, 0.1, 0.0])},
         **dict.fromkeys(
-            ("Standing.robot", "WalkingGait.robot", "scenario.Stand.robot", "Walking.robot"), solo
+            (
+                "Standing.robot",
+                "WalkingGait.robot",
+                "PlannedGait.robot",
+                "scenario.Stand.robot",
+                "Walking.robot",
+            ),
+            solo,
         ),
+        "PlannedGait.planner": Silent(),
+        "PlannedGait.state": hp.State(
+            0.0, *hp.Standing(solo).initial_state(), *np.zeros((3, 4, 3))
+        ),
+        **{"Plan.times": (0.0, 1.0), "Plan.position": np.zeros(3), "Plan.contact": (1, 1)},
+        **{"Plan.foothold": feet, "Plan.velocity": np.zeros(3), "Plan.force": feet},
+        **{"gaits.swing.foot": np.zeros(3), "gaits.swing.goal": np.ones(3)},
+        **{"gaits.swing.left": 1.0, "gaits.swing.apex": 1.0},
         "load_robot.feet": robot.feet,
         "WholeBodyController.weight": 0.1,
         "wbc.AddedTasks.weight": 0.1,
@@ -315,6 +338,7 @@ MADE_BY_THE_LIBRARY = (
     *("wbc.QPSolution", "scenario.Walk", "Interrupted"),
     *("model.CatalogueRobot", "model.KnownRobot", "wbc.AddedTask", "simulation.mujoco.Conventions"),
     "MujocoBridge",
+    "gaits.PlannedMoment",
 )
 """Classes whose objects users get and do not make."""
 BASES = (

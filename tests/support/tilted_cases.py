@@ -61,6 +61,7 @@ def fill(
     target.ground_height[:] = -10.0  # what touches is said by the forces
     for normal in target.normal:
         normal[:] = random_normal(rng, steepest)
+    target.force[:] = rng.spawn(1)[0].uniform(-LOAD, LOAD, (2, 3))
 
 
 def random_state(rng: np.random.Generator, target: GaitTarget, *, spread: float = 0.1) -> State:
@@ -93,7 +94,7 @@ def sloped_case(controller, rng: np.random.Generator, *, spread: float = 0.1):
         name: getattr(own, name)
         for name in ("body", "orientation", "joints", "held", "force_range")
     }
-    world = SimpleNamespace(feet=feet, **others)
+    world = SimpleNamespace(feet=feet, force=target.force, **others)
     return (
         state,
         command,

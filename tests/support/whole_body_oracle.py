@@ -36,6 +36,7 @@ def random_case(seed: int):
     targets.joints[:] = rng.uniform(-5.0, 5.0, 6)
     targets.held[:] = SUPPORTS[seed % 4]
     targets.force_range[:] = (5.0, 150.0)
+    targets.force[:] = rng.uniform(-50.0, 50.0, (2, 3))
     return q, v, targets
 
 
@@ -52,6 +53,7 @@ def wild_case(rng, *, spread):
     targets.feet[:] = size * rng.standard_normal((2, 3))
     targets.held[:] = SUPPORTS[rng.integers(4)]
     targets.force_range[:] = (rng.uniform(0.0, 20.0), 200.0)
+    targets.force[:] = size * rng.standard_normal((2, 3))
     return q, v, targets
 
 
@@ -83,7 +85,7 @@ def oracle(q, v, targets, limits, weights=None, *, frames=None):
     task(weights.posture, np.eye(NV)[6:], targets.joints)
     rows.append(np.sqrt(weights.force) * np.eye(n)[NV : NV + 6])
     rows.append(np.sqrt(weights.thrust) * np.eye(n)[NV + 6 :])
-    values += [np.zeros(6), np.zeros(6)]
+    values += [np.sqrt(weights.force) * targets.force.ravel(), np.zeros(6)]
     for k, (jacobian, drift) in enumerate(feet):
         if not targets.held[k]:
             task(weights.swing, jacobian, targets.feet[k] - drift)

@@ -126,6 +126,7 @@ def _begin_search(d: DynamicsRecord, t: TargetsRecord, p: CondensedRecord) -> No
     n.friction[:] = p.inscribed * p.friction
     n.force_range[:] = t.force_range
     n.held[:] = t.held
+    n.planned[:] = t.force.reshape((n.planned.shape[0],))
     n.piece[:] = p.free_piece
     n.thrust_piece[:] = 0
     n.limits = n.steps = 0

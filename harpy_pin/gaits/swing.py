@@ -1,0 +1,74 @@
+"""The way of a swing foot from where it is to where it lands."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from harpy_pin import checks
+from harpy_pin.errors import InputError
+from harpy_pin.gaits.walking.pendulum import toward
+from harpy_pin.model.state import Vector
+
+
+def swing(
+    foot: ArrayLike,
+    goal: ArrayLike,
+    t: float,
+    *,
+    left: float,
+    apex: float,
+    rise: float | None = None,
+) -> Vector:
+    """State of a swing foot after a time.
+
+    Each coordinate is a polynomial of fifth order that ends at rest, without acceleration: x and y
+    at the goal, z first at the highest point, then at the goal. Such a polynomial that begins anew
+    on its way is the same one. So this may be called once for a whole swing, or at every tick from
+    the last state on, with a goal, or a time of landing, that changes.
+
+    Args:
+        foot: (3,) where the foot is lifted, at rest, m; or (3, 3) its position (m), velocity (m/s)
+            and acceleration (m/s²) at present.
+        goal: (3,) where it lands, m.
+        t: time from the present on, s.
+        left: time from the present to the landing, s; from then on it rests at the goal.
+        apex: height z of the highest point, m.
+        rise: time from the present to the highest point, s, by default half of ``left``; zero or
+            less where it has been there.
+
+    Returns:
+        (3, 3) position (m), velocity (m/s), acceleration (m/s²), in the axes of ``foot``.
+
+    Raises:
+        InputError: an array has another shape or is not finite, or a time is not finite.
+    """
+    given = np.asarray(foot, dtype=object)
+    state = np.zeros((3, 3))
+    state[: 3 if given.shape == (3, 3) else 1] = checks.vector(
+        "foot", foot, (3, 3) if given.shape == (3, 3) else 3
+    )
+    end = checks.vector("goal", goal, 3).tolist()
+    landing = checks.number("left", left)
+    top = 0.5 * landing if rise is None else checks.number("rise", rise)
+    if top > max(landing, 0.0):
+        raise InputError("a foot is at its highest before it lands: rise ≤ left", name="rise")
+    now, height = checks.number("t", t, low=0.0), checks.number("apex", apex)
+    return on_its_way(state, end, now, landing, top, height)
+
+
+def on_its_way(
+    foot: Vector, goal: Sequence[float], t: float, left: float, rise: float, apex: float
+) -> Vector:
+    """:func:`swing` without its checks, from a state (3, 3)."""
+    x, y, z = foot.T.tolist()
+    ends = [toward(*x, goal[0], left, t), toward(*y, goal[1], left, t)]
+    if t < rise:
+        ends.append(toward(*z, apex, rise, t))
+    elif rise > 0.0:
+        ends.append(toward(apex, 0.0, 0.0, goal[2], left - rise, t - rise))
+    else:
+        ends.append(toward(*z, goal[2], left, t))
+    return np.array(ends).T
