@@ -117,14 +117,6 @@ class DualRecord(RecordOf):
     limit: int  # exchanges after which a solve gives up
 
 
-class SearchRecord(RecordOf):
-    """A program, and what searches its optimum."""
-
-    program: ProgramRecord  # the quadratic program
-    exchange: ActiveSetRecord  # the last active set and its exchange
-    dual: DualRecord  # the dual method
-
-
 @kernel
 def row_value(qp: ProgramRecord, r: int, z: Vector) -> float:
     """Row r of C z; the first rows are the bounded variables themselves."""

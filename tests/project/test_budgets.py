@@ -18,19 +18,19 @@ import harpy_pin
 ROOT = Path(__file__).resolve().parents[2]
 CONTRIB = "harpy_pin/contrib/"
 STATEMENTS = {
-    "harpy_pin": 25_650,
-    CONTRIB: 4_300,
+    "harpy_pin": 25_250,
+    CONTRIB: 5_000,
     "reproduction": 2_100,
-    "comparison": 7_100,
-    "tests": 26_900,
+    "comparison": 6_970,
+    "tests": 27_300,
 }
 """Most statements of the Python files that Git tracks in a folder; ``harpy_pin`` is without
 contrib.
 """
 LONGEST_FILE = 350
 """Most statements of a file."""
-MOST_PUBLIC_NAMES = 71
-MOST_WORDS = 21_150
+MOST_PUBLIC_NAMES = 73
+MOST_WORDS = 19_050
 """Of prose in README, docs and notebooks, without tables, code, formulas and comments."""
 
 

@@ -19,6 +19,7 @@ from harpy_pin.contrib.solvers import SOLVERS
 from harpy_pin.wbc import FORMULATIONS
 from harpy_pin.wbc.active_set import EXCHANGES
 from harpy_pin.wbc.active_set_warm_start import WarmStartedActiveSet
+from harpy_pin.wbc.newton import TOTAL
 from harpy_pin.wbc.program import ACCEPTED
 
 STATES = 1000
@@ -39,8 +40,8 @@ RARE = ("piqp", "osqp", "clarabel", "quadprog", "proxqp")
 
 
 def max_systems(controller):
-    """Linear systems after which the searches of a tick end: by active sets, then by the dual
-    method.
+    """Linear systems after which the searches of a tick end: Newton's steps, or those by active sets
+    and then by the dual method.
     """
     if isinstance(controller, hp.WholeBodyController):
         solver = controller._solver
@@ -49,8 +50,7 @@ def max_systems(controller):
             if isinstance(solver, WarmStartedActiveSet)
             else np.inf
         )
-    searches = [controller.solver.record[name][0] for name in ("free", "limited")]
-    return sum(EXCHANGES + 1 + int(search["dual"]["limit"]) for search in searches)
+    return TOTAL
 
 
 @needs_robots
