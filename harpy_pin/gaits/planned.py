@@ -27,6 +27,7 @@ from harpy_pin.gaits.plan import Plan, PlannedMoment
 from harpy_pin.gaits.swing import on_its_way
 from harpy_pin.gaits.walking.swinging import DESCENT
 from harpy_pin.gaits.walking.walking_gait import CLEARANCE, OFFSET, WalkingGait
+from harpy_pin.ground.terrain import Plane
 from harpy_pin.model.entry import all_possible, all_possible_rows, as_state, is_unit
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import State, Vector
@@ -64,7 +65,7 @@ class Planner(Protocol):
         ...
 
 
-class PlannedGait:
+class PlannedGait(Gait):
     """Targets of a robot that follows the plans of an MPC, for the whole-body controllers.
 
     It needs the measured state: controllers of this library call :meth:`observe` before each
@@ -101,8 +102,7 @@ class PlannedGait:
     """
 
     not_governed = "follows no plan of contacts and orientations"
-    terrain = None  # heights are the plan's: nothing is laid over the ground
-    step_duration, double_support = 1.0, 0.0
+    terrain = Plane()  # heights are the plan's: nothing is laid over the ground
 
     @checked
     def __init__(
@@ -115,22 +115,20 @@ class PlannedGait:
         clearance: float | None = None,
         stand: Gait | None = None,
     ) -> None:
-        self.robot, self.planner, self.executor = robot, planner, executor
+        super().__init__(robot)
+        self.planner, self.executor = planner, executor
         self.rate = checks.number("rate", rate, low=0.0, high=1e6, strict=True)
         self._leg = leg_length(robot)
         default = CLEARANCE * self._leg if clearance is None else clearance
         self.clearance = checks.number("clearance", default, low=0.0)
         self.stand = WalkingGait(robot) if stand is None else stand
-        self.controller_parameters: Mapping[str, Any] = getattr(
-            self.stand, "controller_parameters", {}
-        )
+        self.controller_parameters = self.stand.controller_parameters
         self._data = robot.model.createData()
         q, _ = self.initial_state()
         pin.framesForwardKinematics(robot.model, self._data, q)
         places = [self._data.oMf[robot.frame_id(name)].translation for name in robot.feet]
         ways = [float(np.linalg.norm(place - q[:3])) for place in places]
         self._reach = REACH * max(ways, default=0.0)
-        self.target = GaitTarget(len(robot.feet))
         self._state: State | None = None
         self._begin(0.0)
 
@@ -178,13 +176,15 @@ class PlannedGait:
         feet = (state.foot_position, state.foot_velocity, state.foot_force)
         if good and isfinite(state.t) and all(map(all_possible_rows, feet)):
             self._state = state.copy()
-        if hasattr(self.stand, "observe"):
-            self.stand.observe(state)
+        self.stand.observe(state)
 
     def expect_friction(self, mu: float) -> None:
         """See :class:`Gait`."""
-        if hasattr(self.stand, "expect_friction"):
-            self.stand.expect_friction(mu)
+        self.stand.expect_friction(mu)
+
+    def expect_lag(self, lag: float) -> None:
+        """See :class:`Gait`."""
+        self.stand.expect_lag(lag)
 
     @checked
     def initial_state(self, *, penetration: float = 0.0) -> tuple[Vector, Vector]:

@@ -27,7 +27,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from harpy_pin.kernels import ByPrecision, kernel
+from harpy_pin.kernels import ByPrecision, diagonal, kernel
 from harpy_pin.model.cholesky import factorise, solve_vector
 from harpy_pin.model.record import ZERO, RecordOf, Records, make_record, sized
 from harpy_pin.model.state import Vector
@@ -97,7 +97,7 @@ class NewtonRecord(RecordOf):
     # each at the start and per step; and the share of the slope of each
     line: Vector = sized(2)
     line_force: Vector = sized("feet", 3, 3)
-    line_thrust: Vector = sized("thrusts", 3)
+    line_thrust: Vector = sized(3, "thrusts")
     steps: int = ZERO  # of the last solve, in all its searches
 
 
@@ -168,11 +168,9 @@ def descend(n: NewtonRecord, multiplier: Vector, softer: float, most: int, guess
 @kernel
 def _settled(n: NewtonRecord, multiplier: Vector, share: float) -> bool:
     """Whether the residual is at most a share of the terms of the equation."""
-    size, worst = 0.0, 0.0
-    for i in range(multiplier.shape[0]):
-        size = max(size, abs(n.target[i]) + abs(n.soft[i, i] * multiplier[i]))
-        worst = max(worst, abs(n.residual[i]))
-    return worst <= share * size
+    s = multiplier.shape[0]
+    size = np.max(abs(n.target[:s]) + abs(diagonal(n.soft[:s, :s]) * multiplier))
+    return bool(np.max(abs(n.residual[:s])) <= share * size)
 
 
 @kernel
@@ -194,13 +192,13 @@ def _evaluate(n: NewtonRecord, multiplier: Vector, softer: float) -> int:
             residual += pull.T @ force
         else:
             n.force[3 * k : 3 * k + 3] = 0.0
-    for k in range(n.thrust.shape[0]):
-        g = n.thrust_map[k, :s] @ multiplier / (softer * n.thrust_weight)
-        lower, upper = n.thrust_range[k]
-        piece = 1 if g < lower else 2 if g > upper else 0
-        changed += 1 if piece != n.thrust_piece[k] else 0
-        n.thrust_piece[k], n.thrust[k] = piece, min(max(g, lower), upper)
-        residual += n.thrust[k] * n.thrust_map[k, :s]
+    if n.thrust.shape[0] > 0:
+        g = n.thrust_map[:, :s] @ multiplier / (softer * n.thrust_weight)
+        lower, upper = n.thrust_range[:, 0], n.thrust_range[:, 1]
+        ends = np.where(g < lower, 1, np.where(g > upper, 2, 0))
+        changed += int(np.sum(ends != n.thrust_piece))
+        n.thrust_piece[:], n.thrust[:] = ends, np.clip(g, lower, upper)
+        residual += n.thrust @ n.thrust_map[:, :s]
     for k in range(s - 6):
         if n.limit_piece[k] == 0:
             n.limited[k] = -residual[6 + k]
@@ -229,13 +227,11 @@ def _linearise(n: NewtonRecord, root: Vector, softer: float) -> None:
             offset += slope @ n.planned[3 * k : 3 * k + 3]
             root -= pull.T @ offset
             turned[:] = per_force * (slope @ pull)
-            for i in range(s):
-                matrix[i] += pull[:, i] @ turned
+            matrix += pull.T @ turned
     for k in range(n.thrust.shape[0]):
         column, end = n.thrust_map[k, :s], n.thrust_piece[k]
         if end == 0:
-            for i in range(s):
-                matrix[i] += column[i] / (softer * n.thrust_weight) * column
+            matrix += 1.0 / (softer * n.thrust_weight) * np.outer(column, column)
         else:
             root -= n.thrust_range[k, end - 1] * column
     for k in range(s - 6):
@@ -275,16 +271,14 @@ def _begin_line(n: NewtonRecord, multiplier: Vector, softer: float) -> None:
     """What is linear along the step: part of the slope, and the forces before their projections."""
     s, per_force = multiplier.shape[0], 1.0 / (softer * n.force_weight)
     start, step = n.start[:s], n.step[:s]
-    n.line[0], n.line[1] = -(n.target[:s] @ step), 0.0
-    for i in range(s):
-        n.line[0] += step[i] * (n.soft[i, :s] @ start)
-        n.line[1] += step[i] * (n.soft[i, :s] @ step)
+    residual = n.residual[:s]  # work space: it is evaluated again at the end
+    residual[:] = n.soft[:s, :s] @ start - n.target[:s]
+    n.line[0] = step @ residual
+    residual[:] = n.soft[:s, :s] @ step
+    n.line[1] = step @ residual
     for k in range(s - 6):
         at, end = 6 + k, n.limit_piece[k]
-        if end == 0:  # its equation is left out
-            n.line[0] -= step[at] * (n.soft[at, :s] @ start - n.target[at])
-            n.line[1] -= step[at] * (n.soft[at, :s] @ step)
-        else:
+        if end != 0:  # without it the step is zero there
             yielding = n.yielding * n.limit_yield[k]
             away = n.limit_range[k, end - 1] + yielding * (start[at] - n.limit_last[k])
             n.line[0] += step[at] * away
@@ -294,10 +288,10 @@ def _begin_line(n: NewtonRecord, multiplier: Vector, softer: float) -> None:
         line[0] = per_force * (pull @ start) + n.planned[3 * k : 3 * k + 3]
         line[2] = pull @ step
         line[1] = per_force * line[2]
-    for k in range(n.thrust.shape[0]):
-        along = n.thrust_map[k, :s] @ step
-        n.line_thrust[k, 0] = n.thrust_map[k, :s] @ start / (softer * n.thrust_weight)
-        n.line_thrust[k, 1], n.line_thrust[k, 2] = along / (softer * n.thrust_weight), along
+    per_thrust = 1.0 / (softer * n.thrust_weight)
+    n.line_thrust[0] = per_thrust * (n.thrust_map[:, :s] @ start)
+    n.line_thrust[2] = n.thrust_map[:, :s] @ step
+    n.line_thrust[1] = per_thrust * n.line_thrust[2]
 
 
 @kernel
@@ -311,17 +305,13 @@ def _slope_along(n: NewtonRecord, share: float) -> float:
             lower, upper = n.force_range[k]
             project(g, n.friction[k], lower, upper, n.faces, force)
             slope += n.line_force[k, 2] @ force
-    for k in range(n.thrust.shape[0]):
-        lower, upper = n.thrust_range[k]
-        u = n.line_thrust[k, 0] + share * n.line_thrust[k, 1]
-        slope += n.line_thrust[k, 2] * min(max(u, lower), upper)
+    if n.thrust.shape[0] > 0:
+        u = n.line_thrust[0] + share * n.line_thrust[1]
+        slope += n.line_thrust[2] @ np.clip(u, n.thrust_range[:, 0], n.thrust_range[:, 1])
     return slope
 
 
 @kernel
 def largest(matrix: Vector) -> float:
     """Largest of the first six entries of the diagonal."""
-    largest = 0.0
-    for i in range(6):
-        largest = max(largest, matrix[i, i])
-    return largest
+    return float(np.max(diagonal(matrix[:6, :6]), initial=0.0))

@@ -24,7 +24,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from harpy_pin.kernels import ByPrecision, kernel
+from harpy_pin.kernels import ByPrecision, diagonal, kernel
 from harpy_pin.model.cholesky import factorise, solve_transposed, solve_vector
 from harpy_pin.model.state import Vector
 from harpy_pin.model.terms import all_finite
@@ -38,9 +38,9 @@ weight.
 """
 YIELD = ByPrecision(1e-4, single=1e-2)
 """δ to begin with, relative to the compliance of forces and motion to the limit's multiplier."""
-MOVES, LEAST_YIELD = 40, 1e-12
-"""Changes of limits and proximal steps, at most, and least share of δ, which falls tenfold with
-each of these.
+TOGETHER, MOVES, LEAST_YIELD = 6, 60, 1e-12
+"""Changes of several limits together, before they change one by one; all changes and proximal
+steps, at most; and least share of δ, which falls tenfold with each of these.
 """
 BEYOND = ByPrecision(1e-9, single=1e-5)
 """How far a quantity must be beyond its range to be a violation, relative to 1 + the limit."""
@@ -59,8 +59,8 @@ def find_forces(n: NewtonRecord) -> bool:
         return _find_root(n, n.multiplier[:6])  # of a size known when compiling
     multiplier = n.multiplier[: 6 + n.limits]
     found, one_by_one = _find_root(n, multiplier), False
-    for _ in range(MOVES):
-        if found and not _exchange_limits(n, one_by_one) and _move_limits(n):
+    for move in range(MOVES):
+        if found and not _exchange_limits(n, one_by_one or move >= TOGETHER) and _move_limits(n):
             return True
         if found:
             found = descend(n, multiplier, 1.0, LAST_STEPS, False)
@@ -180,10 +180,8 @@ def add_momentum(n: NewtonRecord) -> None:
     right[:, :s] = n.momentum_map @ n.compliance[:6, :s]
     right[:, s] = n.momentum_target - n.momentum_map @ n.demand[:6]
     schur[:] = right[:, :6] @ n.momentum_map.T
-    for i in range(6):
-        schur[i, i] += 1.0 / max(n.momentum_weight[i], 1e-30)
+    diagonal(schur)[:] += 1.0 / np.maximum(n.momentum_weight, 1e-30)
     factorise(schur, schur)
     solve_transposed(schur, right, s + 1)
-    for i in range(s):
-        n.soft[i, :s] -= right[:, i] @ right[:, :s]
-        n.target[i] += right[:, i] @ right[:, s]
+    n.soft[:s, :s] -= right[:, :s].T @ right[:, :s]
+    n.target[:s] += right[:, :s].T @ right[:, s]

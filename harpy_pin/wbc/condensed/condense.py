@@ -200,9 +200,7 @@ def root_compliance(e: CondensationRecord, compliance: Vector) -> None:
     compliance[:6, :6] = (e.mass * e.inverse_body_weight) @ e.mass.T
     for c in range(e.inverse_weight.shape[0]):
         if e.inverse_weight[c] != 0.0:
-            for i in range(6):
-                share = e.inverse_weight[c] * e.free_map[c, i]
-                compliance[i, :6] += share * e.free_map[c]
+            compliance[:6, :6] += e.inverse_weight[c] * np.outer(e.free_map[c], e.free_map[c])
 
 
 @kernel

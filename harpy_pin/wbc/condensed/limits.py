@@ -85,9 +85,8 @@ def add_torque_limit(
     body, free = e.inverse_body_weight * m.mass[k], e.inverse_weight * m.free_map[k]
     n.demand[at] = m.mass[k] @ e.desired + bias
     n.compliance[at, :6] = n.compliance[:6, at] = e.mass @ body + e.free_map.T @ free
-    for other in range(k + 1):
-        entry = m.mass[other] @ body + m.free_map[other] @ free
-        n.compliance[at, 6 + other] = n.compliance[6 + other, at] = entry
+    row, column = n.compliance[at, 6 : at + 1], n.compliance[6 : at + 1, at]
+    row[:] = column[:] = m.mass[: k + 1] @ body + m.free_map[: k + 1] @ free
     n.force_map[:, at] = d.foot_jacobian[:, 6 + m.joint[k]]
     n.thrust_map[:, at] = d.thruster_jacobian[:, 6 + m.joint[k]]
     enter_limit(n, -limit, limit, end)
@@ -107,9 +106,7 @@ def add_violated(
     """The limits that torques (joints,) violate; whether there are any."""
     before, violated = n.limits, False
     for j in range(torque.shape[0]):
-        known = False
-        for k in range(before):
-            known = known or m.joint[k] == j
+        known = np.any(m.joint[:before] == j)
         if not known and abs(torque[j]) > limit[j] + BEYOND * (1.0 + limit[j]):
             violated = True
             m.joint[n.limits] = j

@@ -104,8 +104,7 @@ def _eliminate_joint(e: EliminationRecord, k: int) -> None:
     for i in range(e.depth[k]):
         share = inverse * h[SIDES + i]
         e.matrix[e.path[k, i]] -= share * h  # beyond its own depth a row is never read
-    for a in range(SIDES):
-        e.remainder[a] -= inverse * h[a] * h[:SIDES]
+    e.remainder -= inverse * np.outer(h[:SIDES], h[:SIDES])
     e.matrix[k] = inverse * h
 
 
@@ -120,10 +119,8 @@ def _eliminate_contacts(e: EliminationRecord, first: int, last: int) -> None:
     solve_transposed(schur, e.rows[first:last], SIDES + ROOT)
     for r in range(first, last):
         left = np.array(e.rows[r])
-        for i in range(ROOT):
-            e.matrix[i] += left[SIDES + i] * left
-        for a in range(SIDES):
-            e.remainder[a] += left[a] * left[:SIDES]
+        e.matrix[:ROOT] += np.outer(left[SIDES : SIDES + ROOT], left)
+        e.remainder += np.outer(left[:SIDES], left[:SIDES])
 
 
 @kernel
@@ -176,9 +173,8 @@ def limit_equation(e: EliminationRecord, n: int, compliance: Vector, demand: Vec
     entry = rows @ e.rows[:, :SIDES] - freed @ e.matrix[:, :SIDES]
     demand[at] = entry[ROOT]
     compliance[at, :ROOT] = compliance[:ROOT, at] = -entry[:ROOT]
-    for other in range(n + 1):
-        total = freed @ e.limit_sides[other] - rows @ e.limit_rows[other]
-        compliance[at, ROOT + other] = compliance[ROOT + other, at] = total
+    row, column = compliance[at, ROOT : at + 1], compliance[ROOT : at + 1, at]
+    row[:] = column[:] = e.limit_sides[: n + 1] @ freed - e.limit_rows[: n + 1] @ rows
 
 
 @kernel

@@ -122,8 +122,7 @@ def add_limit(
     for p in range(n.held.shape[0]):
         column = d.foot_jacobian[3 * p : 3 * p + 3, ROOT + j]
         n.force_map[3 * p : 3 * p + 3, at] = (1.0 if is_torque else 0.0) * (c.frame[p].T @ column)
-    for p in range(n.thrust.shape[0]):
-        n.thrust_map[p, at] = d.thruster_jacobian[p, ROOT + j] if is_torque else 0.0
+    n.thrust_map[:, at] = np.where(is_torque, d.thruster_jacobian[:, ROOT + j], 0.0)
     lower, upper = m.torque_range[j] if is_torque else m.acceleration_range[j]
     enter_limit(n, lower, upper, end)
 
@@ -151,9 +150,7 @@ def add_violated(
             end = 1
         elif value > upper + BEYOND * (1.0 + abs(upper)):
             end = 2
-        known = False
-        for k in range(before):
-            known = known or m.bound[k] == bound
+        known = np.any(m.bound[:before] == bound)
         if end != 0 and not known:
             violated = True
             if n.limits < joints:
@@ -165,10 +162,8 @@ def add_violated(
 @kernel
 def within_limits(m: LimitsRecord, torque: Vector) -> bool:
     """Whether torques (joints,) were within their ranges, to rounding; now they are."""
-    within = True
-    for j in range(torque.shape[0]):
-        lower, upper = m.torque_range[j]
-        within = within and lower - CLIPPED * (1.0 + abs(lower)) <= torque[j]
-        within = within and torque[j] <= upper + CLIPPED * (1.0 + abs(upper))
-        torque[j] = min(max(torque[j], lower), upper)
+    lower, upper = m.torque_range[:, 0], m.torque_range[:, 1]
+    above = torque >= lower - CLIPPED * (1.0 + abs(lower))
+    within = bool(np.all(above & (torque <= upper + CLIPPED * (1.0 + abs(upper)))))
+    torque[:] = np.clip(torque, lower, upper)
     return within
