@@ -237,10 +237,9 @@ def _body_targets(
     scale = 2.0 * np.arctan2(norm, abs(turned[3])) / norm if norm > 1e-9 else 2.0
     error = (scale if turned[3] >= 0.0 else -scale) * turned[:3]  # the rotation vector
     vertical = rotation[2]  # in body axes
-    across = g.tilt_rate @ rotation[:2]  # (2, 3) in body axes
-    spin = v[3:6] - g.heading[1] * vertical - across[0]
+    spin = v[3:6] - g.heading[1] * vertical - rotation[:2].T @ g.tilt_rate[0]
     t.orientation[:] = g.heading[2] * vertical - p.orientation[0] * error - p.orientation[1] * spin
-    t.orientation += across[1]
+    t.orientation += rotation[:2].T @ g.tilt_rate[1]
 
 
 @kernel

@@ -37,7 +37,8 @@ EXACT = (
 """No fused products, so that every compiler gives the same digits; GCC 12 makes some from
 neighbouring statements (vfmaddsub) although contraction is off.
 """
-VECTORS = "-fvect-cost-model=cheap"
+GCC_ONLY = ("-fvect-cost-model=cheap", "-fno-ipa-ra")
+"""Flags that Clang refuses."""
 FOR_A_WHEEL = bool(os.environ.get("HARPY_PIN_FOR_A_WHEEL"))
 """Whether what is compiled is for other machines, too: processors since 2009, which NumPy's wheels
 need as well.
@@ -46,7 +47,7 @@ BASELINE = ("-march=x86-64-v2",) if platform.machine() == "x86_64" else ()
 FLAGS = (
     *EXACT,
     "-O2",
-    VECTORS,
+    *GCC_ONLY,
     "-fpeel-loops",
     "-fno-gcse",
     *(BASELINE if FOR_A_WHEEL else ("-march=native", "-g1")),
@@ -54,7 +55,9 @@ FLAGS = (
 """Loops over rows become vector instructions, also where their length is known at run time only:
 with that the general QP's tick takes 0.7 of the time. Sums keep their order, so no digit changes.
 Without a search for common expressions across blocks GCC compiles in 0.87 of the time, and no tick
-takes longer.
+takes longer. What a function leaves in registers is not looked at by its callers: where it is,
+GCC 12 leaves vector registers in use before calls of the mathematical library, which then takes
+several times as long.
 """
 SHARED = ("-shared", "-fPIC", "-w")
 WATCHED = (
@@ -141,7 +144,7 @@ def compiled(source: str, work: str, name: str) -> bytes:
     """
     file, made = f"{work}/{name}.c", f"{work}/made.so"
     Path(file).write_text(source, encoding="utf-8")
-    flags = [flag for flag in FLAGS if flag != VECTORS or "clang" not in version()]  # it refuses it
+    flags = [flag for flag in FLAGS if flag not in GCC_ONLY or "clang" not in version()]
     if "ziglang" in (compiler() or ()):
         flags = [
             flag.replace("x86-64-v2", "x86_64_v2") for flag in flags

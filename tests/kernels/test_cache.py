@@ -191,7 +191,7 @@ def test_clang_gets_no_flags_that_it_refuses(tmp_path):
     clang = tmp_path / "clang"
     refuses = (
         f"case $1 in --version) echo clang version 14 ;; esac\ncase $* in "
-        f"*{compiler.VECTORS}*) exit 1 ;; esac"
+        f"*{compiler.GCC_ONLY[0]}*|*{compiler.GCC_ONLY[1]}*) exit 1 ;; esac"
     )
     clang.write_text(f'#!/bin/sh\n{refuses}\nexec {" ".join(compiler.compiler())} "$@"\n')
     clang.chmod(0o700)
