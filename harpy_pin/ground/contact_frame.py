@@ -30,12 +30,9 @@ def contact_frame(x: float, y: float, z: float, out: Vector) -> None:
 
 @kernel(normal=("n", 3), frame=("n", 3, 3))
 def contact_frames(normal: Vector, frame: Vector) -> None:
-    """The frames of normals (n, 3): 1 − n nᵀ / (1 + n_z) along the first two axes, then n."""
-    across = normal[:, :2]
-    share = across / (1.0 + normal[:, 2:])
-    frame[:, :2, :2] = np.eye(2) - share[:, :, None] * across[:, None]
-    frame[:, 2, :2] = -across
-    frame[:, :, 2] = normal
+    """The frames of normals (n, 3)."""
+    for k in range(normal.shape[0]):
+        contact_frame(*normal[k], frame[k])
 
 
 @kernel
@@ -62,12 +59,6 @@ def all_upward(normal: Vector) -> bool:
 def to_contact(frame: Vector, vector: Vector) -> None:
     """A vector (3,) of world axes in those of the contact, in place."""
     vector[:] = frame.T @ vector
-
-
-@kernel
-def to_world(frame: Vector, vector: Vector) -> None:
-    """A vector (3,) of the contact's axes in those of the world, in place."""
-    vector[:] = frame @ vector
 
 
 @kernel

@@ -276,6 +276,7 @@ class NumpyFunctions(Arrays):
             with self.block(c("if (!({} {} {}) && {} == {})", *better)):
                 self.emit("{} = {};", best, one)
                 self.emit("{} = {};", found, k)
+        self.emit("(void){};", found)  # of an array without elements nothing is read there
         return Number(INTEGER, found)
 
     def sum(self, array: Value, axis: Number | None = None) -> Number | Computed:

@@ -95,6 +95,8 @@ class Statements(Assignments):
         )
         kind, memory = Array.packed(REAL, value.shape), frozenset((RESULT,))
         self._returns(kind)
+        if 0 in value.shape:
+            self.emit("(void){};", RESULT)
         self.fill(View(kind, Code(RESULT), None, memory, memory), value)
         self.emit("return;")
 

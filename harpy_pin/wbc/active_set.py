@@ -39,7 +39,7 @@ mean tick.
 """
 TOLERANCE = ByPrecision(1e-7, single=1e-4)
 """Violation (N, N·m, m/s²) with which a guess still counts as right."""
-PULL = ByPrecision(1e-9, single=1e-7)
+PULL = ByPrecision(1e-11, single=1e-7)
 """Multiplier of the wrong sign with which a guess still counts as right. Forces of heavy robots
 weigh some 1e-8.
 """

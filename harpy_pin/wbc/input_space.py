@@ -140,9 +140,10 @@ def _input_objective(
         _centre_task(p.w_body, d, t, m, v, rotation, hessian, gradient)
         weight[:3] = 0.0
     add_tasks(weight, response, desired - free, hessian, gradient)
-    planned = t.force.reshape((m.force.shape[0],))[m.rows]
-    weight_of_force = np.full(m.force.shape[0], p.w_force)
-    add_tasks(weight_of_force, m.gain[:count], planned - m.force, hessian, gradient)
+    if m.force.shape[0] > 0:
+        planned = t.force.reshape((m.force.shape[0],))[m.rows]
+        weight_of_force = np.full(m.force.shape[0], p.w_force)
+        add_tasks(weight_of_force, m.gain[:count], planned - m.force, hessian, gradient)
     _add_swing_tasks(np.where(t.held == 0.0, p.w_swing, 0.0), d, t, m, qp)
 
 

@@ -38,7 +38,7 @@ TOTAL = 500
 """Steps of a solve, at most."""
 EXACT = ByPrecision(1e-12, single=1e-6)
 """Residual, relative to the terms of the equation, that is rounding."""
-GUESSED = ByPrecision(1e-10, single=1e-5)
+GUESSED = ByPrecision(1e-13, single=1e-5)
 """Residual that a guess may leave: it does not begin at the root of the last step, and so is less
 exact.
 """

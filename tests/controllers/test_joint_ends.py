@@ -37,10 +37,12 @@ def test_a_joint_that_follows_its_task_stays_in_its_range(where, fast, up, j):
     room = (high[j] - angle if up else angle - low[j]) - MARGIN
     speed = (1.0 if up else -1.0) * fast * np.sqrt(2.0 * BRAKE * max(room, 0.0))
     gains, rest = tasks["posture"][0], tasks["rest"][0, j]
+    angles, speeds = tasks["rest"][0].copy(), np.zeros(len(tasks["rest"][0]))
     dt = 1e-3
     for _ in range(1500):
         targets["joints"][0, j] = gains[0] * (rest - angle) - gains[1] * speed
-        _stay_in_range(tasks, targets, j, angle, speed)
+        angles[j], speeds[j] = angle, speed
+        _stay_in_range(tasks, targets, angles, speeds)
         acceleration = targets["joints"][0, j]
         assert 1.0 <= targets["joint_share"][0, j] <= 1.0 + STIFFER
         angle += dt * (speed + 0.5 * dt * acceleration)
@@ -65,7 +67,9 @@ def test_far_from_their_ends_joints_are_free():
         0.9 * NEAR * np.sqrt(2.0 * BRAKE * np.maximum(ends[1] - tasks["rest"][0] - MARGIN, 0.0))
     ):
         targets["joints"][0, j] = 3.0
-        _stay_in_range(tasks, targets, j, tasks["rest"][0, j], min(speed, 1e3))
+        speeds = np.zeros(len(free))
+        speeds[j] = min(speed, 1e3)
+        _stay_in_range(tasks, targets, tasks["rest"][0], speeds)
         assert targets["joints"][0, j] == 3.0
         assert targets["joint_share"][0, j] == 1.0
 

@@ -112,7 +112,8 @@ def _along_cycle(p: WalkingRecord, pressure: Vector) -> Vector:
     number = np.sum(holds)
     middle = holds @ place / number
     before = (1.0 - holds) @ place / np.sum(1.0 - holds)
-    line = 2.0 * (place[np.argmax(holds)] - 0.5 * number * middle)
+    first = np.argmax(holds)
+    line = 2.0 * (place[first] - 0.5 * number * middle)
     about = before if passed < 0.0 and share < 1.0 else middle
     desired = about + now * (middle - about + cyclic_offset(wanted * duration, jump, growth))
     xi = m.centre[:2] + m.drift / p.omega

@@ -58,7 +58,8 @@ def measure_drift(p: WalkingRecord) -> None:
 def _find_line(p: WalkingRecord, m: MeasuredRecord) -> None:
     """Direction of the line of two stance feet of four or more."""
     held = np.where(p.in_air == 0.0, 1.0, 0.0)
-    line = 2.0 * m.place[np.argmax(held), :2] - held @ m.place[:, :2]
+    first = np.argmax(held)
+    line = 2.0 * m.place[first, :2] - held @ m.place[:, :2]
     length = np.hypot(*line)
     m.line[:] = 0.0
     if np.sum(held) == 2.0 and p.group.shape[0] > 2 and length > 0.0:
