@@ -160,8 +160,9 @@ def root_multiplier(n: NewtonRecord, multiplier: Vector) -> None:
     multiplier[:] = n.demand[:6] - n.force_map[:, :6].T @ n.force
     if n.thrust.shape[0] > 0:
         multiplier -= n.thrust_map[:, :6].T @ n.thrust
-    s = 6 + n.limits
-    multiplier -= n.multiplier[6:s] @ n.compliance[6:s, :6]
+    if n.limit_range.shape[0] > 0:
+        s = 6 + n.limits
+        multiplier -= n.multiplier[6:s] @ n.compliance[6:s, :6]
     matrix = n.matrix[:6, :6]
     factorise(n.compliance[:6, :6], matrix, MIN_PIVOT * largest(n.compliance))
     solve_vector(matrix, multiplier)
