@@ -172,7 +172,7 @@ def _move(d: DynamicsRecord, p: CondensedRecord, v: Vector, torque: Vector, foun
     if not found:
         root_multiplier(n, e.multiplier)
     body, free = e.mass.T @ e.multiplier, e.free_map @ e.multiplier
-    if last > 0:
+    if m.joint.shape[0] > 0 and last > 0:
         body += m.mass[:last].T @ n.multiplier[6 : 6 + last]
         free += m.free_map[:last].T @ n.multiplier[6 : 6 + last]
     move_root(e, body, free)
