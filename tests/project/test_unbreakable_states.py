@@ -40,8 +40,8 @@ RARE = ("piqp", "osqp", "clarabel", "quadprog", "proxqp")
 
 
 def max_systems(controller):
-    """Linear systems after which the searches of a tick end: Newton's steps, or those by active sets
-    and then by the dual method.
+    """Linear systems after which the searches of a tick end: Newton's steps, or those by active
+    sets and then by the dual method.
     """
     if isinstance(controller, hp.WholeBodyController):
         solver = controller._solver

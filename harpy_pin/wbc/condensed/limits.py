@@ -5,9 +5,9 @@ The torque of joint j is linear in the root's acceleration, in o and in the forc
     τ_j = m_j a_r + t_j o + n_j − J_jᵀ f − J_tjᵀ u
 
 with the limbs eliminated as in the root's equations. So a limit that binds is a seventh equation of
-their kind, M̃_b a_r + ñ_b = G̃_f f + G̃_o o + s, and its torque s is a force of its own, whose cone is
-the motor's range (:mod:`harpy_pin.wbc.newton`). Only limits that the optimum without them violates
-enter. What gives way to them is said in :mod:`harpy_pin.wbc.giving_way`.
+their kind, m_j a_r + n_j = J_jᵀ f + J_tjᵀ u − t_j o + s, where s is the torque at its limit
+(:mod:`harpy_pin.wbc.optimum`). Only limits that the optimum without them violates enter. What gives
+way to them is said in :mod:`harpy_pin.wbc.giving_way`.
 """
 
 from __future__ import annotations
