@@ -39,7 +39,7 @@ def condensed_step(
     d, optimum = r.dynamics, r.condensed
     r.verdict = task_terms(r, target, q, v, foot_force)
     if r.verdict == GOOD:
-        solve_condensed(d, r.targets, optimum, v, d.tree.rotation)
+        solve_condensed(d, r.targets, optimum, v)
         finish_optimum(r)
         write_thrusts(d, optimum.inputs, r.thrust)
     write_inputs(r, optimum.inputs, d.rotor_axis.shape[0] > 0)

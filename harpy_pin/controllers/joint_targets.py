@@ -230,7 +230,7 @@ def _with_targets(step: Kernel[int]) -> Kernel[int]:
     ) -> int:
         status = step(r, target, q, v, foot_force)
         if r.verdict == GOOD:
-            a, usable = r.condensed.root.acceleration, status & TORQUE_CLIPPED == 0
+            a, usable = r.condensed.system.acceleration, status & TORQUE_CLIPPED == 0
             add_lacking(r.motors, r.targets.held, a, usable, v, r.torque)
             move_targets(r.motors, a, usable, q, v)
         else:

@@ -232,11 +232,11 @@ def lagged_step(
         keep_thrusts(lag, d.tree.rotation)
         bound_thrusts(lag, False, p.input_lower, p.input_upper)
         count_from_kept(lag, d, 1.0)
-        solve_condensed(d, r.targets, p, v, d.tree.rotation)
+        solve_condensed(d, r.targets, p, v)
         command_thrusts(lag, d, p.inputs, r.thrust)
         bound_thrusts(lag, True, p.input_lower, p.input_upper)
         p.inputs[:] = p.last_inputs
-        solve_condensed(d, r.targets, p, v, d.tree.rotation)
+        solve_condensed(d, r.targets, p, v)
         add_kept(lag, p.inputs)
         count_from_kept(lag, d, -1.0)
         finish_optimum(r)

@@ -1,5 +1,6 @@
 """Whole-body control by quadratic programming: the problem is built apart from being solved."""
 
+from harpy_pin.wbc.condensed import WholeBodySolution, WholeBodySolver, WholeBodyStatus
 from harpy_pin.wbc.formulations import FORMULATIONS, make_problem
 from harpy_pin.wbc.problem import WholeBodyProblem
 from harpy_pin.wbc.program import QPSolution, QPSolver, QPStatus, QuadraticProgram
@@ -13,7 +14,6 @@ from harpy_pin.wbc.tasks.task import (
     MomentumTask,
     Task,
 )
-from harpy_pin.wbc.tree import WholeBodySolution, WholeBodySolver, WholeBodyStatus
 from harpy_pin.wbc.weights import WholeBodyLimits, WholeBodyTargets, WholeBodyWeights
 
 __all__ = [

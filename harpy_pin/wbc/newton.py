@@ -2,9 +2,9 @@
 
 With the accelerations eliminated, what is left of a whole-body optimum minimises
 ½ (w − y)ᵀ K⁻¹ (w − y) + ½ ε ‖f‖² with y = G f and every f_k in its cone C_k; for K, w and G see
-:mod:`~harpy_pin.wbc.condensed.condense` and :mod:`~harpy_pin.wbc.tree.elimination`. With
-λ = K⁻¹ (w − y), the first-order condition says that f_k minimises ½ ε ‖f_k‖² − λᵀ G_k f_k on C_k:
-it is the point of C_k nearest to G_kᵀ λ / ε. So the optimum is the root of
+:mod:`~harpy_pin.wbc.condensed.elimination`. With λ = K⁻¹ (w − y), the first-order condition says
+that f_k minimises ½ ε ‖f_k‖² − λᵀ G_k f_k on C_k: it is the point of C_k nearest to G_kᵀ λ / ε. So
+the optimum is the root of
 
     F(λ) = Σ_k G_k Π_k(G_kᵀ λ / ε) + K λ − w = 0,    f_k = Π_k(G_kᵀ λ / ε)
 
@@ -60,10 +60,10 @@ class NewtonRecord(RecordOf):
     demand: Vector = sized("6 + joints")  # w
     soft: Vector = sized("6 + joints", "6 + joints")  # K with the tasks of momentum in it
     target: Vector = sized("6 + joints")  # w with them
-    momentum_map: Vector = sized(6, 6)  # X
-    momentum_target: Vector = sized(6)  # h
-    momentum_weight: Vector = sized(6)  # V
-    momentum_work: Vector = sized(6, "7 + joints")
+    momentum_map: Vector = sized("momenta", 6)  # X
+    momentum_target: Vector = sized("momenta")  # h
+    momentum_weight: Vector = sized("momenta")  # V
+    momentum_work: Vector = sized("momenta", "7 + joints")
     # Gᵀ of the contact forces, in the axes of their contacts
     force_map: Vector = sized("3 feet", "6 + joints")
     held: Vector = sized("feet", fill=1.0)  # 1 for a force that acts
@@ -107,7 +107,7 @@ def newton_record(
     """A new :class:`NewtonRecord`, with the faces and the friction of the limits.
 
     Args:
-        sizes: of the robot.
+        sizes: of the robot, and ``momenta``, the number of rows of momentum.
         limits: friction of the ground and faces of the pyramids.
         force_weight: ε.
         thrust_weight: of the thrusts.

@@ -153,10 +153,15 @@ def forget(n: NewtonRecord) -> None:
 
 
 @kernel
-def root_multiplier(n: NewtonRecord, multiplier: Vector) -> None:
-    """λ (6,) of the root: with it the root's equations hold for the forces and the multipliers of
-    limits at hand, whichever they are.
+def root_multiplier(n: NewtonRecord, found: bool, multiplier: Vector) -> None:
+    """λ (6,) of the root's equations, without the tasks of momentum.
+
+    With it the root's equations hold for the forces and the multipliers of limits at hand,
+    whichever they are; where the root was ``found``, and there is no task of momentum, it is that.
     """
+    if found and np.max(n.momentum_weight) == 0.0:
+        multiplier[:] = n.multiplier[:6]
+        return
     multiplier[:] = n.demand[:6] - n.force_map[:, :6].T @ n.force
     if n.thrust.shape[0] > 0:
         multiplier -= n.thrust_map[:, :6].T @ n.thrust
@@ -177,7 +182,8 @@ def add_momentum(n: NewtonRecord) -> None:
     n.target[s:] = 0.0
     if np.max(n.momentum_weight) == 0.0:
         return
-    schur, right = np.empty((6, 6)), n.momentum_work[:, : s + 1]
+    rows = n.momentum_weight.shape[0]
+    schur, right = np.empty((rows, rows)), n.momentum_work[:, : s + 1]
     right[:, :s] = n.momentum_map @ n.compliance[:6, :s]
     right[:, s] = n.momentum_target - n.momentum_map @ n.demand[:6]
     schur[:] = right[:, :6] @ n.momentum_map.T

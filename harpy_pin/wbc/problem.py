@@ -19,7 +19,7 @@ memory and its warm start through touchdown and lift-off.
 
 In kernels of this package each letter has one meaning, an element of a record: ``d`` of the
 dynamics, ``t`` of the targets, ``p`` of the problem (:class:`ProblemRecord`, or a record with more
-fields), ``e`` of the root's six equations (:mod:`harpy_pin.wbc.condensed.condense`), ``m`` what a
+fields), ``e`` of the elimination (:mod:`harpy_pin.wbc.condensed.elimination`), ``m`` what a
 formulation keeps of the last state, ``qp`` of the program and ``w`` the work space of a search for
 its optimum. ``v`` (nv,) is the generalised velocity and ``rotation`` (3, 3) takes body to world
 axes.
@@ -58,7 +58,6 @@ from harpy_pin.wbc.weights import (
 class FormulationRecord(ProblemRecord):
     """The problem in a formulation."""
 
-    w_motion: Vector  # (nv,) weight of each entry of the generalised acceleration
     corners: NDArray[np.int64]  # (feet of the robot,) contact points of each
     directions: int = ZERO  # of the held feet, where the formulation counts them
 
@@ -68,12 +67,14 @@ def problem_values(
 ) -> Mapping[str, Any]:
     """Fields of a :class:`ProblemRecord`."""
     torque, (lower, upper) = limits.torque_scale * robot.torque_limit, thrust_box(robot, limits)
+    joints = [getattr(weights, name) for name in joint_weights(robot)]
     return {
         **{f"w_{name}": value for name, value in asdict(weights).items()},
         **{
             name: getattr(limits, name)
             for name in ("give_way", "pyramid", "mu", "friction_share", "inscribed")
         },
+        "w_motion": np.array([weights.body] * 3 + [weights.orientation] * 3 + joints),
         "torque_limit": torque,
         "input_lower": np.append(lower, -torque),
         "input_upper": np.append(upper, torque),
@@ -133,17 +134,13 @@ class WholeBodyProblem(KeepsViews):
         self.foot_rows = (
             len(self.limits.pyramid) + 1
         )  # the pyramid's faces, and the range of the normal force
-        w, names = self.weights, joint_weights(robot)
         self.record = make_record(
             FormulationRecord,
-            w_motion=np.array(
-                [w.body] * 3 + [w.orientation] * 3 + [getattr(w, name) for name in names]
-            ),
             corners=np.array(robot.corners, dtype=np.int64),
             **problem_values(robot, self.weights, self.limits),
         )
         self.program, self.terms = self._allocate()
-        self.program.weight_unit = w.body or max(asdict(w).values())
+        self.program.weight_unit = self.weights.body or max(asdict(self.weights).values())
 
     @property
     def thrust_bounds(self) -> tuple[Vector, Vector]:

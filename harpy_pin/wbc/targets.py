@@ -24,6 +24,7 @@ class ProblemRecord(RecordOf):
     w_arms: float
     w_thrust: float
     w_force: float
+    w_motion: Vector  # (nv,) weight of each entry of the generalised acceleration
     torque_limit: Vector  # (joints,) N·m
     input_lower: Vector  # (thrust variables + joints,) limits of [u; τ], N and N·m
     input_upper: Vector  # (thrust variables + joints,) limits of [u; τ], N and N·m

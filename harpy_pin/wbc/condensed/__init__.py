@@ -1,7 +1,14 @@
-"""The condensed whole-body controller: the whole-body optimum by a program in the contact forces
-alone.
+"""The condensed whole-body optimum: accelerations eliminated, and one equation in six unknowns for
+the forces.
 """
 
 from harpy_pin.wbc.condensed.condensed_solver import CondensedSolver, CondensedStatus
+from harpy_pin.wbc.condensed.whole_body import WholeBodySolution, WholeBodySolver, WholeBodyStatus
 
-__all__ = ["CondensedSolver", "CondensedStatus"]
+__all__ = [
+    "CondensedSolver",
+    "CondensedStatus",
+    "WholeBodySolution",
+    "WholeBodySolver",
+    "WholeBodyStatus",
+]

@@ -28,14 +28,18 @@ ancestors of joint k, packed by their depth: entry (k, e) is that of ``path[k, e
 adds to an ancestor's row is the beginning of its own. The seven right-hand sides stand in front of
 each row, since they are treated alike.
 
-**Contact rows** of a limb, which is a branch of the tree at the root, are one block. It is
-eliminated at the first joint of the limb, after all its joints:
+**Contact rows** of a branch at the root are one block. It is eliminated at the first joint of the
+branch, after all its joints:
 
     S = ρ 1 + Σ_j y_j y_jᵀ / d_j,    H += Eᵀ S⁻¹ E,    X += Eᵀ S⁻¹ Z,    Φ += Zᵀ S⁻¹ Z
 
 with y_j the entries of the rows when joint j was eliminated, E what is left of them at the root,
 and Z their right-hand sides. S is positive definite: straight knees, redundant corners and
-contradictory contacts need no case of their own.
+contradictory contacts need no case of their own. A row whose ρ is not small is a task with the
+weight 1/ρ, which fills no row of H.
+
+Limbs whose foot determines the accelerations of their joints are eliminated before, by
+:mod:`~harpy_pin.wbc.condensed.limbs`.
 """
 
 from __future__ import annotations
@@ -45,6 +49,7 @@ from numpy.typing import NDArray
 
 from harpy_pin.kernels import kernel
 from harpy_pin.model.cholesky import factorise, solve_factor, solve_transposed
+from harpy_pin.model.dynamics import DynamicsRecord
 from harpy_pin.model.record import RecordOf, sized
 from harpy_pin.model.state import Vector
 
@@ -52,26 +57,29 @@ ROOT = 6
 """Degrees of freedom of the root, which come first."""
 SIDES = 7
 """Right-hand sides, which stand in front of each row: six of λ, and that of the targets."""
+TARGETS = SIDES - 1
+"""The right-hand side of the targets."""
 
 
 class EliminationRecord(RecordOf):
     """The system in a and μ: as tasks and contacts write it, then eliminated in place."""
 
+    # degrees of freedom of the joints that are eliminated along the tree, from the root to the tips
+    order: NDArray[np.int64]
     depth: NDArray[np.int64]  # (nv,) of each degree of freedom
-    path: NDArray[
-        np.int64
-    ]  # (nv, width) degrees of freedom from the root to each one, itself included
-    limb: NDArray[np.int64]  # (nv,) the limb with contacts that each joint is on; −1 for none
-    first_row: NDArray[np.int64]  # (limbs + 1,) where the contact rows of each limb begin
-    row_end: NDArray[
-        np.int64
-    ]  # (rows,) the last degree of freedom that each contact row depends on
-    compliance: float  # ρ
-    matrix: Vector = sized("nv", "7 + width")  # [X, H] with X = [M_rᵀ, −g]; then [D⁻¹ L⁻ᵀ X, L]
-    inverse_pivot: Vector = sized("nv")  # D⁻¹
-    rows: Vector = sized(
-        "rows", "7 + width"
-    )  # [0, −c, J_c], packed alike; then [L_S⁻ᵀ Z, L_S⁻ᵀ E, y_j]
+    # (nv, width) degrees of freedom from the root to each one, itself included
+    path: NDArray[np.int64]
+    filled: NDArray[np.int64]  # (nv,) 1 where the task of a frame may fill the row of H
+    branch: NDArray[np.int64]  # (nv,) the branch with contacts that each joint is on; −1 for none
+    first_row: NDArray[np.int64]  # (branches + 1,) where the contact rows of each branch begin
+    row_end: NDArray[np.int64]  # (rows,) the last degree of freedom that each row depends on
+    bias: Vector = sized("nv")  # n, with the damping of the joints
+    compliance: Vector = sized("rows")  # ρ
+    # [X, H] with X = [M_rᵀ, −g]; then [D⁻¹ L⁻ᵀ X, L], of the root with D = 1
+    matrix: Vector = sized("nv", "7 + width")
+    inverse_pivot: Vector = sized("nv", fill=1.0)  # D⁻¹
+    # [0, −c, J_c], packed alike; then [L_S⁻ᵀ Z, L_S⁻ᵀ E, y_j]
+    rows: Vector = sized("rows", "7 + width")
     schur: Vector = sized("rows", "rows")  # factors of S = L_Sᵀ L_S, one below the other
     remainder: Vector = sized(7, 7)  # Φ
     limit_sides: Vector = sized("joints", "nv")  # D⁻¹ L⁻ᵀ x of each limit that binds
@@ -81,13 +89,34 @@ class EliminationRecord(RecordOf):
 
 
 @kernel
+def begin_elimination(d: DynamicsRecord, e: EliminationRecord, v: Vector) -> None:
+    """Φ, and n with the damping of the joints."""
+    e.bias[:] = d.bias + d.damping * v
+    e.remainder[:] = 0.0
+
+
+@kernel
+def begin_row(
+    d: DynamicsRecord, e: EliminationRecord, k: int, weight: float, desired: float
+) -> None:
+    """The row of degree of freedom k, with the weight of its own task: no other one, no contact."""
+    row = e.matrix[k]
+    row[:ROOT], row[ROOT:] = d.mass_matrix[:ROOT, k], 0.0
+    row[TARGETS], row[SIDES + e.depth[k]] = -weight * desired, weight
+
+
+@kernel
 def eliminate(e: EliminationRecord) -> None:
     """Φ, from the tips to the root."""
-    e.remainder[:] = 0.0
-    for k in range(e.depth.shape[0] - 1, -1, -1):
+    for n in range(e.order.shape[0] - 1, -1, -1):
+        k = e.order[n]
         _eliminate_joint(e, k)
-        if e.depth[k] == ROOT and e.limb[k] >= 0:
-            _eliminate_contacts(e, e.first_row[e.limb[k]], e.first_row[e.limb[k] + 1])
+        if e.depth[k] == ROOT and e.branch[k] >= 0:
+            _eliminate_contacts(e, e.first_row[e.branch[k]], e.first_row[e.branch[k] + 1])
+    root, sides = e.matrix[:ROOT, SIDES : SIDES + ROOT], e.matrix[:ROOT, :SIDES]
+    factorise(root, root)
+    solve_transposed(root, sides, SIDES)
+    e.remainder -= sides.T @ sides
 
 
 @kernel
@@ -96,36 +125,38 @@ def _eliminate_joint(e: EliminationRecord, k: int) -> None:
     d, h = SIDES + e.depth[k], np.array(e.matrix[k])
     inverse = 1.0 / h[d]
     e.inverse_pivot[k] = inverse
-    if e.limb[k] >= 0:
-        for r in range(e.first_row[e.limb[k]], e.first_row[e.limb[k] + 1]):
+    if e.branch[k] >= 0:
+        for r in range(e.first_row[e.branch[k]], e.first_row[e.branch[k] + 1]):
             if e.path[e.row_end[r], e.depth[k]] == k:
                 share = inverse * e.rows[r, d]
                 e.rows[r, :d] -= share * h[:d]
-    for i in range(e.depth[k]):
-        share = inverse * h[SIDES + i]
-        e.matrix[e.path[k, i]] -= share * h  # beyond its own depth a row is never read
+    if e.filled[k]:
+        for i in range(e.depth[k]):
+            share = inverse * h[SIDES + i]
+            e.matrix[e.path[k, i]] -= share * h  # beyond its own depth a row is never read
     e.remainder -= inverse * np.outer(h[:SIDES], h[:SIDES])
     e.matrix[k] = inverse * h
 
 
 @kernel
 def _eliminate_contacts(e: EliminationRecord, first: int, last: int) -> None:
-    """The contact rows of a limb, all of whose joints are eliminated."""
+    """The contact rows of a branch, all of whose joints are eliminated."""
     schur = e.schur[first:last, : last - first]
     for r in range(first, last):
         for s in range(first, r + 1):
-            schur[r - first, s - first] = _schur_entry(e, r, s) + (e.compliance if r == s else 0.0)
+            schur[r - first, s - first] = _schur_entry(e, r, s) + (
+                e.compliance[r] if r == s else 0.0
+            )
     factorise(schur, schur)
     solve_transposed(schur, e.rows[first:last], SIDES + ROOT)
-    for r in range(first, last):
-        left = np.array(e.rows[r])
-        e.matrix[:ROOT] += np.outer(left[SIDES : SIDES + ROOT], left)
-        e.remainder += np.outer(left[:SIDES], left[:SIDES])
+    left = e.rows[first:last, : SIDES + ROOT]
+    e.matrix[:ROOT, : SIDES + ROOT] += left[:, SIDES:].T @ left
+    e.remainder += left[:, :SIDES].T @ left[:, :SIDES]
 
 
 @kernel
 def _schur_entry(e: EliminationRecord, r: int, s: int) -> float:
-    """Σ_j y_j y_jᵀ / d_j of two rows of a limb, over the joints that both depend on."""
+    """Σ_j y_j y_jᵀ / d_j of two rows of a branch, over the joints that both depend on."""
     end, other, total = e.row_end[r], e.row_end[s], 0.0
     for n in range(ROOT, min(e.depth[end], e.depth[other]) + 1):
         if e.path[end, n] != e.path[other, n]:
@@ -135,9 +166,9 @@ def _schur_entry(e: EliminationRecord, r: int, s: int) -> float:
 
 
 @kernel
-def root_equations(e: EliminationRecord, bias: Vector, compliance: Vector, demand: Vector) -> None:
-    """K (6, 6) and w (6,) of y = w − K λ, after :func:`eliminate`; ``bias`` (≥ 6,) is n."""
-    demand[:ROOT] = e.remainder[ROOT, :ROOT] + bias[:ROOT]
+def root_equations(e: EliminationRecord, compliance: Vector, demand: Vector) -> None:
+    """K (6, 6) and w (6,) of y = w − K λ, after :func:`eliminate`."""
+    demand[:ROOT] = e.remainder[ROOT, :ROOT] + e.bias[:ROOT]
     compliance[:ROOT, :ROOT] = -e.remainder[:ROOT, :ROOT]
 
 
@@ -149,20 +180,24 @@ def eliminate_limit(e: EliminationRecord, n: int, row: Vector) -> None:
     side, rows = e.limit_sides[n], e.limit_rows[n]
     side[:] = row
     rows[:] = 0.0
-    for k in range(e.depth.shape[0] - 1, -1, -1):
-        d, limb, here = e.depth[k], e.limb[k], side[k]
+    for m in range(e.order.shape[0] - 1, -1, -1):
+        k = e.order[m]
+        d, branch, here = e.depth[k], e.branch[k], side[k]
         side[k] = e.inverse_pivot[k] * here
-        if limb >= 0:
-            first, last = e.first_row[limb], e.first_row[limb + 1]
+        if branch >= 0:
+            first, last = e.first_row[branch], e.first_row[branch + 1]
             for r in range(first, last):
                 if e.path[e.row_end[r], d] == k:
                     rows[r] -= side[k] * e.rows[r, SIDES + d]
-        for i in range(d):
-            side[e.path[k, i]] -= here * e.matrix[k, SIDES + i]
-        if d == ROOT and limb >= 0:
+        if e.filled[k]:
+            for i in range(d):
+                side[e.path[k, i]] -= here * e.matrix[k, SIDES + i]
+        if d == ROOT and branch >= 0:
             schur, own = e.schur[first:last, : last - first], rows[first:last]
             solve_transposed(schur, own.reshape((last - first, 1)), 1)
             side[:ROOT] += own @ e.rows[first:last, SIDES : SIDES + ROOT]
+    root = e.matrix[:ROOT, SIDES : SIDES + ROOT]
+    solve_transposed(root, side[:ROOT].reshape((ROOT, 1)), 1)
 
 
 @kernel
@@ -180,14 +215,18 @@ def limit_equation(e: EliminationRecord, n: int, compliance: Vector, demand: Vec
 @kernel
 def back_substitute(e: EliminationRecord, z: Vector, limits: Vector) -> None:
     """a and μ of z = [λ; 1] (7,) and the multipliers of limits, from the root to the tips."""
-    for k in range(e.depth.shape[0]):
-        d, limb, pull = e.depth[k], e.limb[k], 0.0
-        if limb >= 0:
-            first, last = e.first_row[limb], e.first_row[limb + 1]
+    base = e.acceleration[:ROOT]
+    base[:] = -(e.matrix[:ROOT, :SIDES] @ z) - limits @ e.limit_sides[: limits.shape[0], :ROOT]
+    solve_factor(e.matrix[:ROOT, SIDES : SIDES + ROOT], base.reshape((ROOT, 1)), 1)
+    for m in range(e.order.shape[0]):
+        k = e.order[m]
+        d, branch, pull = e.depth[k], e.branch[k], 0.0
+        if branch >= 0:
+            first, last = e.first_row[branch], e.first_row[branch + 1]
             if d == ROOT:
                 mu = e.multiplier[first:last]
                 mu[:] = e.rows[first:last, :SIDES] @ z
-                mu += e.rows[first:last, SIDES : SIDES + ROOT] @ e.acceleration[:ROOT]
+                mu += e.rows[first:last, SIDES : SIDES + ROOT] @ base
                 mu += limits @ e.limit_rows[: limits.shape[0], first:last]
                 solve_factor(e.schur[first:last, : last - first], mu.reshape((last - first, 1)), 1)
             for r in range(first, last):
@@ -195,6 +234,7 @@ def back_substitute(e: EliminationRecord, z: Vector, limits: Vector) -> None:
                     pull += e.rows[r, SIDES + d] * e.multiplier[r]
         pull = e.inverse_pivot[k] * pull + e.matrix[k, :SIDES] @ z
         pull += limits @ e.limit_sides[: limits.shape[0], k]
-        for i in range(d):
-            pull += e.matrix[k, SIDES + i] * e.acceleration[e.path[k, i]]
+        if e.filled[k]:
+            for i in range(d):
+                pull += e.matrix[k, SIDES + i] * e.acceleration[e.path[k, i]]
         e.acceleration[k] = -pull

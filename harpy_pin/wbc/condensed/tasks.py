@@ -17,17 +17,15 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from harpy_pin.ground.contact_frame import to_contacts, turn_feet
 from harpy_pin.kernels import kernel
 from harpy_pin.model.dynamics import DynamicsRecord
 from harpy_pin.model.record import RecordOf, sized
 from harpy_pin.model.state import Vector
 from harpy_pin.model.tree import UNBOUNDED, TreeRecord
 from harpy_pin.model.vectors import log, skew
+from harpy_pin.wbc.condensed.elimination import ROOT, SIDES, TARGETS, EliminationRecord
 from harpy_pin.wbc.newton import NewtonRecord
-from harpy_pin.wbc.tree.elimination import ROOT, SIDES, EliminationRecord
-
-TARGETS = SIDES - 1
-"""The right-hand side of the targets."""
 
 
 class FrameTasksRecord(RecordOf):
@@ -203,10 +201,16 @@ def contact_forces_map(
 ) -> None:
     """Gᵀ of contact forces and their plan, in the axes of their contacts, and Gᵀ of thrusts."""
     for k in range(c.held.shape[0]):
-        for point in range(c.first_point[k], c.first_point[k + 1]):
-            first = 3 * point
-            n.held[point] = c.held[k]
-            axes = c.frame[point].T
-            n.force_map[first : first + 3, :6] = axes @ d.foot_jacobian[first : first + 3, :6]
-            n.planned[first : first + 3] = axes @ planned[first : first + 3]
+        n.held[c.first_point[k] : c.first_point[k + 1]] = c.held[k]
+    n.planned[:] = planned
+    if not upright(c.frame):
+        turn_feet(d, c.frame)
+        to_contacts(c.frame, n.planned.reshape((n.held.shape[0], 3)))
+    n.force_map[:, :6] = d.foot_jacobian[:, :6]
     n.thrust_map[:, :6] = d.thruster_jacobian[:, :6]
+
+
+@kernel
+def upright(frame: Vector) -> bool:
+    """Whether contacts (feet, 3, 3) have the axes of the world."""
+    return bool(np.all(frame == np.eye(3)))

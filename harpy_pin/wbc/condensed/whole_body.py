@@ -7,8 +7,7 @@ from enum import IntEnum
 from typing import Any
 
 import numpy as np
-import pinocchio as pin
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from harpy_pin import checks
 from harpy_pin.arguments import checked
@@ -19,23 +18,27 @@ from harpy_pin.model.memory import fixed_arrays, move_array
 from harpy_pin.model.record import Records, field, make_record
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import State, Vector
-from harpy_pin.wbc.newton import newton_record
-from harpy_pin.wbc.tasks.task import CentreOfMassTask, FrameTask, JointTask, MomentumTask
-from harpy_pin.wbc.tree.elimination import ROOT, EliminationRecord
-from harpy_pin.wbc.tree.limits import LimitsRecord
-from harpy_pin.wbc.tree.solve import WRONG_SHAPE, WholeBodyRecord, solve_whole_body
-from harpy_pin.wbc.tree.tasks import (
+from harpy_pin.wbc.condensed.elimination import ROOT
+from harpy_pin.wbc.condensed.gait_tasks import COMPLIANCE
+from harpy_pin.wbc.condensed.structure import (
+    elimination_record,
+    foot_bodies,
+    limbs_record,
+    limits_record,
+)
+from harpy_pin.wbc.condensed.tasks import (
     ContactsRecord,
     FrameTasksRecord,
     JointTasksRecord,
     MomentumTasksRecord,
 )
+from harpy_pin.wbc.condensed.whole_body_solve import WRONG_SHAPE, WholeBodyRecord, solve_whole_body
+from harpy_pin.wbc.newton import newton_record
+from harpy_pin.wbc.tasks.task import CentreOfMassTask, FrameTask, JointTask, MomentumTask
 from harpy_pin.wbc.weights import WholeBodyLimits, thrust_box
 
 FORCE_WEIGHT = 2e-4
 """Weight of the square of a contact force over the robot's mass, (m/s²)²."""
-COMPLIANCE = 1e-9
-"""ρ of contacts: (m/s²) per unit of their multiplier."""
 AnyTask = FrameTask | JointTask | CentreOfMassTask | MomentumTask
 REFERENCES = frozenset(("position", "rotation", "velocity", "acceleration", "momentum", "rate"))
 """Arrays of tasks that move into the record."""
@@ -257,15 +260,21 @@ def _record(
     columns = np.array([ROOT + robot.joints.index(joint) for joint in joints], dtype=np.int64)
     corners = [model.frames[robot.frame_id(name)] for name in robot.feet]
     firsts = np.cumsum((0, *robot.corners))
-    bodies = np.array([corners[first].parentJoint - 1 for first in firsts[:-1]], dtype=np.int64)
-    system, first_row, row_count = _system(robot, bodies)
+    task_bodies = [frame.parentJoint - 1 for frame in frames]
+    system, first_row = elimination_record(
+        robot,
+        {},
+        compliance=COMPLIANCE,
+        task_bodies=task_bodies,
+    )
     sizes = {
         **robot.sizes,
         "frames": len(frames),
         "joint_rows": len(joints),
-        "contacts": len(bodies),
+        "contacts": len(robot.corners),
+        "momenta": 6,
+        "width": system["path"].shape[-1],
     }
-    sizes |= {"rows": len(system["row_end"][0]), "width": system["path"].shape[-1]}
     places = np.split(
         np.array([corner.placement.translation for corner in corners]).reshape(-1, 3), firsts[1:-1]
     )
@@ -284,7 +293,7 @@ def _record(
         frames=make_record(
             FrameTasksRecord,
             sizes,
-            body=np.array([frame.parentJoint - 1 for frame in frames], dtype=np.int64),
+            body=np.array(task_bodies, dtype=np.int64),
             offset=np.array([frame.placement.translation for frame in frames]).reshape(-1, 3),
             turn=np.array([frame.placement.rotation for frame in frames]).reshape(-1, 3, 3),
             local=np.array([task.axes == "local" for task in framed], dtype=np.int64),
@@ -295,97 +304,22 @@ def _record(
         contacts=make_record(
             ContactsRecord,
             sizes,
-            body=bodies,
+            body=foot_bodies(robot),
             offset=np.array([place.mean(axis=0) for place in places if len(place)]).reshape(-1, 3),
             first_point=firsts,
             first_row=first_row,
-            row_count=row_count,
+            row_count=np.array([3 if n == 1 else 6 for n in robot.corners], dtype=np.int64),
             frame=np.tile(np.eye(3), (points, 1, 1)),
             damping=settings["contact_damping"],
         ),
+        regularisation=settings["regularisation"],
+        limbs=limbs_record(robot, {}),
         system=system,
         newton=newton,
-        limits=_limits(robot, sizes, limits, settings),
-        regularisation=np.full(model.nv, settings["regularisation"]),
+        limits=limits_record(
+            robot, limits, period=settings["period"], deceleration=settings["deceleration"]
+        ),
     )
-
-
-def _limits(
-    robot: Robot, sizes: Mapping[str, int], limits: WholeBodyLimits, settings: dict[str, float]
-) -> Records[LimitsRecord]:
-    """A new :class:`LimitsRecord`; velocities and positions are not limited without a period."""
-    model, torque = robot.model, limits.torque_scale * robot.torque_limit
-    joints = [model.joints[model.getJointId(name)] for name in robot.joints]
-    ends = np.full((len(joints), 2), (-np.inf, np.inf))
-    for joint, end in zip(joints, ends, strict=True):
-        if joint.nq == 1:
-            end[:] = model.lowerPositionLimit[joint.idx_q], model.upperPositionLimit[joint.idx_q]
-    return make_record(
-        LimitsRecord,
-        sizes,
-        torque_range=np.column_stack((-torque, torque)),
-        acceleration_range=np.full((len(joints), 2), (-np.inf, np.inf)),
-        place=np.array([joint.idx_q for joint in joints], dtype=np.int64),
-        position_range=ends,
-        velocity_limit=model.velocityLimit[ROOT:],
-        period=settings["period"],
-        deceleration=settings["deceleration"],
-    )
-
-
-def tree_paths(model: pin.Model) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Depth (nv,) of each degree of freedom, and (nv, largest depth + 1) those from the root to
-    it.
-    """
-    paths: list[list[int]] = []
-    for joint in model.joints[1:]:
-        above = model.joints[model.parents[joint.id]]
-        for column in range(joint.idx_v, joint.idx_v + joint.nv):
-            before = column - 1 if column > joint.idx_v else above.idx_v + above.nv - 1
-            paths.append([*(paths[before] if column > 0 else []), column])
-    path = np.zeros((len(paths), max(map(len, paths))), dtype=np.int64)
-    for column, entries in enumerate(paths):
-        path[column, : len(entries)] = entries
-    return np.array([len(entries) - 1 for entries in paths], dtype=np.int64), path
-
-
-def _system(
-    robot: Robot, bodies: NDArray[np.int64]
-) -> tuple[Records[EliminationRecord], NDArray[np.int64], NDArray[np.int64]]:
-    """A new :class:`EliminationRecord` for contacts on these bodies, and the first row and number
-    of rows of each.
-    """
-    depth, path = tree_paths(robot.model)
-    if 0 in bodies:
-        raise InputError(
-            "a foot on the base itself is not supported: no joint moves it", name="robot"
-        )
-    ends = bodies + ROOT - 1
-    branches = path[ends, ROOT] if len(ends) else ends  # first joint of each contact's limb
-    limbs = [int(k) for k in np.unique(branches)]
-    count = np.array([3 if corners == 1 else 6 for corners in robot.corners], dtype=np.int64)
-    first, first_row = np.zeros(len(ends), dtype=np.int64), [0]
-    row_end: list[int] = []
-    for limb in limbs:
-        for contact in np.flatnonzero(branches == limb):
-            first[contact] = len(row_end)
-            row_end += [ends[contact]] * count[contact]
-        first_row.append(len(row_end))
-    on = [
-        limbs.index(path[k, ROOT]) if depth[k] >= ROOT and path[k, ROOT] in limbs else -1
-        for k in range(len(depth))
-    ]
-    system = make_record(
-        EliminationRecord,
-        {**robot.sizes, "nv": len(depth), "width": path.shape[1], "rows": len(row_end)},
-        depth=depth,
-        path=path,
-        limb=np.array(on, dtype=np.int64),
-        first_row=np.array(first_row, dtype=np.int64),
-        row_end=np.array(row_end, dtype=np.int64),
-        compliance=COMPLIANCE,
-    )
-    return system, first, count
 
 
 def _known(tasks: Mapping[AnyTask, ArrayLike]) -> list[AnyTask]:
