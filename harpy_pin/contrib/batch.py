@@ -192,7 +192,7 @@ class CondensedBatch(KeepsViews):
         self.thrust = np.zeros((n, len(robot.thrusters), 3), self.dtype)
         self.force = np.zeros((n, feet, 3), self.dtype)
         self.status = np.zeros(n, dtype=np.int64)
-        ends = [np.zeros((n, size), np.int64) for size in (feet, feet, joints)]
+        ends = [np.zeros((n, *size), np.int64) for size in ((feet,), (feet,), (joints,), (joints,), ())]
         multiplier, target = np.zeros((n, joints)), np.zeros((n, *motors["target"].shape[1:]))
         self._memory = (*ends, multiplier, np.zeros(n, np.int64), target)
         model = robot.model
@@ -283,7 +283,14 @@ def step_batch(
         Records[BodyRecord],
     ],
     memory: tuple[
-        NDArray[np.int64], NDArray[np.int64], NDArray[np.int64], Vector, NDArray[np.int64], Vector
+        NDArray[np.int64],
+        NDArray[np.int64],
+        NDArray[np.int64],
+        NDArray[np.int64],
+        NDArray[np.int64],
+        Vector,
+        NDArray[np.int64],
+        Vector,
     ],
     robots: tuple[Vector, Vector],
     given: tuple[Vector, Vector, Vector],
@@ -294,25 +301,27 @@ def step_batch(
     :meth:`step`.
     """
     record, gait, motors, body = parts
-    free_piece, limited_piece, last_end, last_multiplier, follows, target = memory
+    free_piece, limited_piece, bound, limit_piece, limits, multiplier, follows, target = memory
     mu, mass_error = robots
     q, v, foot_force = given
     torque, thrust, force, law, status = results
     r, d, p, m, b = record[0], record[0].dynamics, record[0].condensed, motors[0], body[0]
+    s = p.newton
     for i in range(begin, end):
         _take_targets(gait[0], targets, i)
         p.free_piece[:], p.limited_piece[:] = free_piece[i], limited_piece[i]
-        p.limits.last_end[:], p.limits.last_multiplier[:] = last_end[i], last_multiplier[i]
+        p.limits.bound[:], s.limit_piece[:], s.limits = bound[i], limit_piece[i], limits[i]
+        s.multiplier[6:] = multiplier[i]
         d.tree.mass[0] = (1.0 + mass_error[i]) * b.mass
         d.tree.inertia[0] = (1.0 + mass_error[i]) * b.inertia
         r.targets.friction[:] = mu[i]
         m.follows = follows[i]
         m.target[:] = target[i]
         if task_terms(r, gait[0], q[i], v[i], foot_force[i]) == GOOD:
-            solve_condensed(d, r.targets, p, v[i], d.tree.rotation)
+            solve_condensed(d, r.targets, p, v[i])
             forces_in_world(r.targets, p.force)
             status[i] = p.status_and_steps[0]
-            move_targets(m, p.root.acceleration, status[i] & TORQUE_CLIPPED == 0, q[i], v[i])
+            move_targets(m, p.system.acceleration, status[i] & TORQUE_CLIPPED == 0, q[i], v[i])
         else:
             p.inputs[:] = 0.0
             p.force[:] = 0.0
@@ -320,7 +329,8 @@ def step_batch(
             m.follows = 0
             status[i] = BAD_STATE
         free_piece[i], limited_piece[i] = p.free_piece, p.limited_piece
-        last_end[i], last_multiplier[i] = p.limits.last_end, p.limits.last_multiplier
+        bound[i], limit_piece[i], limits[i] = p.limits.bound, s.limit_piece, s.limits
+        multiplier[i] = s.multiplier[6:]
         follows[i] = m.follows
         target[i] = m.target
         write_thrusts(d, p.inputs, thrust[i])
