@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import Any
 
 import harpy_pin as hp
-from harpy_pin.contrib.contact_force import ContactForceProblem
 from harpy_pin.contrib.solvers import SOLVERS
 from harpy_pin.scenario import CONTROLLER_PARTS, ControllerPart, Governed
 from harpy_pin.scenario.parts import read_part
@@ -255,7 +254,7 @@ not of times.
 TUNED = tuple(name + end for name in VARIANTS for end in ("", "/tuned"))
 """Every tuned variant with its published settings, and with those that were found."""
 
-FORCES = f"{OWN}/{ContactForceProblem.name}"
+FORCES = f"{OWN}/contact_force"
 """The whole-body QP, stated in the contact forces alone; the section on ticks has it, too."""
 
 TRUSTING = ("condensed/trusting", f"{OWN}/trusting")

@@ -205,7 +205,7 @@ def time_case(case: Case, repetitions: int, rng: np.random.Generator) -> dict[st
                 unsolved += solution.status is not hp.wbc.QPStatus.SOLVED
             if law is not None:
                 t0 = clock()
-                law.solve(dynamics, state.v, rotation, target)
+                law.solve(dynamics, state.v, target)
                 laps["condensed"][place] = clock() - t0
             command.torque[:], command.thrust[:] = (
                 dynamics.bias[6:],

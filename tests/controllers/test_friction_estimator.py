@@ -207,7 +207,7 @@ def test_a_lower_coefficient_of_the_feet_is_one_of_the_limits(robot, name):
         targets.friction[:] = friction
         if name == "condensed":
             one.reset()
-            one.solve(dynamics, v, dynamics.rotation, targets)
+            one.solve(dynamics, v, targets)
             return one.force.copy()
         one.build(dynamics, v, dynamics.rotation, targets)
         return np.column_stack((one.program.inequality, one.program.lower, one.program.upper))

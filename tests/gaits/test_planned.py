@@ -375,10 +375,10 @@ def test_condensed_and_programs_have_one_optimum_with_planned_forces(formulation
         targets.feet[:] = rng.standard_normal((4, 3))
         targets.force_range[:] = (1.0, 200.0)
         dynamics.update(q, v)
-        condensed.solve(dynamics, v, dynamics.rotation, targets)
+        condensed.solve(dynamics, v, targets)
         without = condensed.force.copy()
         targets.force[:] = rng.uniform((-10.0, -10.0, 0.0), (10.0, 10.0, 80.0), (4, 3))
-        condensed.solve(dynamics, v, dynamics.rotation, targets)
+        condensed.solve(dynamics, v, targets)
         problem.build(dynamics, v, dynamics.rotation, targets)
         assert solver.solve(problem.program).usable
         expected = problem.contact_force(solver.solution.z)

@@ -18,7 +18,14 @@ from harpy_pin.gaits.fitting import leg_length
 from harpy_pin.gaits.walking.build import build_of, holding_load, why_no_walk
 from harpy_pin.model.legs import legs
 from harpy_pin.model.tree import feet_moved
-from harpy_pin.wbc.condensed import CondensedSolver
+from harpy_pin.wbc import (
+    WholeBodyLimits,
+    WholeBodyTargets,
+    WholeBodyWeights,
+    make_problem,
+    make_solver,
+)
+from harpy_pin.wbc.condensed import CondensedSolver, CondensedStatus
 
 FEET = ("L_sole", "R_sole")
 SOLE = hp.FlatFoot(length=0.2, width=0.1)
@@ -124,20 +131,13 @@ def test_a_waist_is_no_part_of_a_walk_s_build(biped):
         np.testing.assert_allclose(getattr(with_waist, name), getattr(without, name), atol=1e-6)
 
 
-def test_the_condensed_controller_names_the_joint_that_moves_both_feet(biped):
-    with pytest.raises(
-        hp.InputError,
-        match=r"joint 'j_waist' of 'biped' moves the feet 'L_sole_0' and 'R_sole_0'.*'wbc'",
-    ):
-        CondensedSolver(biped(waist=("waist",)))
-
-
+@pytest.mark.parametrize("controller", ["wbc", "condensed"])
 @pytest.mark.parametrize("joints", [SIX, SEVEN, NO_YAW])
-def test_legs_that_can_put_a_level_sole_anywhere_walk(biped, joints):
+def test_legs_that_can_put_a_level_sole_anywhere_walk(biped, joints, controller):
     robot = biped(joints)
     assert why_no_walk(robot) == ""
     gait = hp.WalkingGait(robot, velocity=(0.15, 0.0, 0.0))
-    run = hp.walk(hp.Scenario(robot=robot, controller="wbc", duration=2.0), gait=gait)
+    run = hp.walk(hp.Scenario(robot=robot, controller=controller, duration=2.0), gait=gait)
     assert run.ending == "completed"
     assert run["q"][-1, 0] > 0.15
 
@@ -173,15 +173,51 @@ def test_soles_on_legs_without_an_ankle_do_not_walk_but_stand(biped, joints, whe
 
 
 @pytest.mark.parametrize("joints", [FIVE, SEVEN])
-def test_controllers_that_cannot_say_so_where_they_are_made(biped, joints):
+def test_the_governed_controller_says_how_many_joints_it_takes(biped, joints):
     gait = hp.Standing(biped(joints))
-    with pytest.raises(
-        hp.InputError,
-        match=rf"'L_sole_0' of 'biped' has {len(joints)}: j_L.*; controller 'wbc' has any",
-    ):
-        hp.make_controller("condensed", gait, mu=0.5)
     with pytest.raises(hp.InputError, match=rf"moves 6 joints, 'biped' has {2 * len(joints)}"):
         hp.make_controller("governed", gait, mu=0.5)
+
+
+@pytest.mark.parametrize("waist", [(), ("waist", "lean")])
+@pytest.mark.parametrize(
+    ("joints", "flat"), [(FIVE, True), (SEVEN, True), (SIX, True), (FIVE, False), (SIX, False)]
+)
+def test_the_condensed_optimum_of_any_legs_is_that_of_the_program(biped, joints, flat, waist):
+    """Legs of five, six and seven joints, with soles and points, under a waist and without one, of
+    which at most one stands: two of five joints each cannot follow every target.
+    """
+    robot = biped(joints, flat=flat, waist=waist)
+    mass, nv, rng = robot.mass, robot.model.nv, np.random.default_rng(7)
+    posture = 1e-9 if joints == SIX and flat and not waist else 1e-6  # limbs have none of their own
+    weights = WholeBodyWeights(
+        orientation=0.25, swing=12.0, posture=posture, thrust=1.0, force=2e-2 / mass**2
+    )
+    limits = WholeBodyLimits(mu=0.5, torque_scale=100.0)
+    law, problem = (
+        CondensedSolver(robot, weights, limits),
+        make_problem("full", robot, weights, limits),
+    )
+    solver, dynamics = make_solver("active_set", problem.program), hp.Dynamics(robot)
+    standing, inputs = hp.Standing(robot).initial_state()[0], np.empty(len(robot.joints))
+    targets = WholeBodyTargets(robot)
+    targets.force_range[:] = 0.5, 20.0 * mass
+    size = 1e-4 if joints == FIVE and flat else 1e-6  # soles that six joints would hold yield by ρ
+    for i in range(40):
+        q, v = pin.integrate(robot.model, standing, 0.1 * rng.standard_normal(nv)), np.empty(nv)
+        v[:] = 0.1 * rng.standard_normal(nv)
+        held = (1 - i % 2, i % 2) if joints == FIVE and flat else rng.integers(0, 2, 2)
+        targets.held[:] = np.repeat(held, robot.corners)
+        targets.body[:], targets.orientation[:] = rng.standard_normal((2, 3))
+        targets.feet[:] = rng.standard_normal(targets.feet.shape)
+        dynamics.update(q, v)
+        found = law.solve(dynamics, v, targets)
+        problem.build(dynamics, v, dynamics.rotation, targets)
+        assert solver.solve(problem.program).usable
+        problem.inputs(solver.solution.z, inputs)
+        np.testing.assert_allclose(found, inputs, rtol=0.0, atol=size * np.abs(inputs).max())
+        assert law.status == CondensedStatus.OPTIMAL
+        assert (limits.pyramid @ law.force[targets.held > 0.0].T >= -1e-9).all()
 
 
 def test_a_holding_leg_needs_the_torque_of_the_work_against_its_share_of_the_weight(biped):

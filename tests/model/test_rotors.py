@@ -197,7 +197,7 @@ def test_thrusts_are_the_analytic_allocation(flyer):
     dynamics.update(q, v)
     desired = np.array([0.4, -0.3, 0.5]) if slope > 0.1 else np.array([0.0, 0.0, 0.5])
     targets.body[:], targets.orientation[:] = desired, (2.0, -3.0, 0.4)
-    found = law.solve(dynamics, v, np.eye(3), targets)
+    found = law.solve(dynamics, v, targets)
     push = MASS * (desired - flyer.model.gravity.linear)
     wrench = np.concatenate((push, (0.02 * 2.0, -0.02 * 3.0, 0.035 * 0.4)))
     np.testing.assert_allclose(found, np.linalg.pinv(allocation) @ wrench, rtol=1e-4)

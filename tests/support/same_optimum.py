@@ -23,7 +23,8 @@ def same_optimum(robot, states, weights, limits, formulations, *, spread, most):
     saturated = binding = 0
     for i, (q, v) in enumerate(states):
         targets = WholeBodyTargets(robot)
-        targets.held[:] = [(i >> k) & 1 for k in range(len(robot.feet))]
+        held = [(i >> k) & 1 for k in range(len(robot.corners))]
+        targets.held[:] = np.repeat(held, robot.corners)
         targets.body[:], targets.orientation[:] = spread * rng.standard_normal((2, 3))
         targets.feet[:] = rng.standard_normal(targets.feet.shape)
         targets.force_range[:] = (0.5, most)

@@ -14,7 +14,6 @@ import pinocchio as pin
 from walks import started, walked
 
 import harpy_pin as hp
-import harpy_pin.contrib.contact_force
 from harpy_pin.contrib.batch import CondensedBatch
 from harpy_pin.contrib.battery import Battery
 from harpy_pin.contrib.shield_batch import ShieldBatch

@@ -16,8 +16,8 @@ from scipy.linalg import block_diag
 
 import harpy_pin as hp
 from harpy_pin.wbc import MomentumTask, WholeBodyLimits
-from harpy_pin.wbc.tree import WholeBodySolver
-from harpy_pin.wbc.tree.limits import COMPLIANCE
+from harpy_pin.wbc.condensed import WholeBodySolver
+from harpy_pin.wbc.condensed.limits import COMPLIANCE
 
 LIMITS = WholeBodyLimits(mu=0.8, friction_share=0.75)
 DAMPING = 20.0

@@ -50,7 +50,7 @@ def test_the_optimum_obeys_newton(seed):
         **{**vars(WEIGHTS), "orientation": 1e-6, "thrust": 1e-6, "force": 1e-9}
     )
     condensed = CondensedSolver(ROBOT, weights, WholeBodyLimits(mu=10.0, torque_scale=100.0))
-    inputs = condensed.solve(dynamics, v, dynamics.rotation, targets)
+    inputs = condensed.solve(dynamics, v, targets)
     data = ROBOT.model.createData()
     pin.centerOfMass(ROBOT.model, data, q, v, condensed.acceleration)
     total = condensed.force.sum(axis=0) + inputs[:6].reshape(2, 3).sum(axis=0)

@@ -33,7 +33,7 @@ def test_promise_for_every_state_and_target(fuzz):
     for _ in range(2000 * fuzz):
         q, v, targets = wild_case(rng, spread=10.0 ** rng.uniform(-2.0, -0.5))
         dynamics.update(q, v)
-        inputs = condensed.solve(dynamics, v, pin.Quaternion(q[3:7]).matrix(), targets)
+        inputs = condensed.solve(dynamics, v, targets)
         assert np.isfinite(inputs).all()
         assert (np.abs(inputs[:6]) <= 53.0).all()
         assert (np.abs(inputs[6:]) <= 0.6 * ROBOT.torque_limit + 1e-12).all()
@@ -129,7 +129,7 @@ def the_way(dynamics, condensed, rng):
         here, speed = pin.interpolate(ROBOT.model, q, far_q, s), (1.0 - s) * v + s * far_v
         dynamics.update(here, speed)
         condensed.reset()
-        return condensed.solve(dynamics, speed, dynamics.rotation, targets).copy(), condensed.status
+        return condensed.solve(dynamics, speed, targets).copy(), condensed.status
 
     return at
 

@@ -67,7 +67,7 @@ def test_condensed_and_programs_have_the_same_optimum(formulation, mu, torque_sc
         if k % 2:
             demand_of_centre(targets, dynamics)
         given_range = targets.force_range.copy()
-        inputs = condensed.solve(dynamics, v, dynamics.rotation, targets)
+        inputs = condensed.solve(dynamics, v, targets)
         assert (np.abs(inputs[6:]) <= torque_scale * ROBOT.torque_limit).all()
         assert (targets.force_range == given_range).all()
         solution, beyond = give_way(problem, solver, dynamics, v, targets)
@@ -149,9 +149,7 @@ def test_nothing_changes_where_no_limit_is_near():
         dynamics.update(q, v)
         for condensed in controllers:
             condensed.reset()
-        one, other = (
-            condensed.solve(dynamics, v, dynamics.rotation, targets) for condensed in controllers
-        )
+        one, other = (condensed.solve(dynamics, v, targets) for condensed in controllers)
         if any(condensed.status & CondensedStatus.TORQUE_LIMITED for condensed in controllers):
             differ += not np.array_equal(one, other)
         elif all(

@@ -28,10 +28,10 @@ from tree_cases import (
 import harpy_pin as hp
 from harpy_pin.errors import InputError
 from harpy_pin.wbc import MomentumTask
+from harpy_pin.wbc.condensed import WholeBodySolver, WholeBodyStatus, whole_body
+from harpy_pin.wbc.condensed.whole_body_solve import solve_whole_body
 from harpy_pin.wbc.cones import on_piece, project
 from harpy_pin.wbc.optimum import root_multiplier
-from harpy_pin.wbc.tree import WholeBodySolver, WholeBodyStatus, whole_body
-from harpy_pin.wbc.tree.solve import solve_whole_body
 
 ANGLES = 2.0 * np.pi * np.arange(8) / 8
 FACES = np.column_stack((np.cos(ANGLES), np.sin(ANGLES), np.full(8, np.tan(np.pi / 8))))
@@ -234,7 +234,7 @@ def test_forces_that_are_no_optimum_have_their_motion():
     newton = case.solver._record_["newton"]
     newton["force"] += 50.0 * rng.standard_normal(newton["force"].shape)
     multiplier = np.empty(6)
-    root_multiplier(newton, multiplier)
+    root_multiplier(newton, False, multiplier)
     wrench = newton["force_map"][0].T @ newton["force"][0]
     np.testing.assert_allclose(
         newton["compliance"][0, :6, :6] @ multiplier + wrench[:6],

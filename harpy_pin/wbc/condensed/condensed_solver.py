@@ -51,9 +51,7 @@ def condensed_record(
     clipped ones.
     """
     values, limbs = problem_values(robot, weights, limits), determined_limbs(robot)
-    system, first_row = elimination_record(
-        robot, limbs, compliance=COMPLIANCE
-    )
+    system, first_row = elimination_record(robot, limbs, compliance=COMPLIANCE)
     others = [foot for foot in range(len(robot.corners)) if foot not in limbs]
     newton = newton_record(
         {**robot.sizes, "momenta": 2},

@@ -117,7 +117,7 @@ def add_feet(
         free = t.held[foot] == 0.0 and p.w_swing != 0.0
         turn = d.tree.rotation @ d.tree.axes[f.body[k]]
         if t.tilted:
-            turn[:] = t.frame[foot].T @ np.array(turn)
+            turn[:] = t.frame[foot].T @ d.tree.rotation @ d.tree.axes[f.body[k]]
         count = 3 if f.points[k] == 1 else 6
         e.compliance[first : first + count] = (
             1.0 / (share[foot] * p.w_swing) if free else COMPLIANCE
@@ -126,9 +126,8 @@ def add_feet(
             row, end = e.rows[first + r], e.row_end[first + r]
             row[:] = 0.0
             for i in range(f.points[k]):
-                direction = turn @ f.basis[k, r, 3 * i : 3 * i + 3]
-                at = 3 * (foot + i)
-                off = t.feet[foot + i] - d.foot_drift[at : at + 3]
-                row[TARGETS] -= direction @ off
+                direction, at = turn @ f.basis[k, r, 3 * i : 3 * i + 3], 3 * (foot + i)
+                own = d.foot_jacobian[at : at + 3]
+                row[TARGETS] -= direction @ (t.feet[foot + i] - d.foot_drift[at : at + 3])
                 for j in range(e.depth[end] + 1):
-                    row[SIDES + j] += direction @ d.foot_jacobian[at : at + 3, e.path[end, j]]
+                    row[SIDES + j] += direction @ own[:, e.path[end, j]]

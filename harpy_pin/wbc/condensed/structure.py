@@ -127,11 +127,7 @@ def tree_paths(model: pin.Model) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
 
 
 def elimination_record(
-    robot: Robot,
-    limbs: dict[int, list[int]],
-    *,
-    compliance: float,
-    task_bodies: Sequence[int] = (),
+    robot: Robot, limbs: dict[int, list[int]], *, compliance: float, task_bodies: Sequence[int] = ()
 ) -> tuple[Records[EliminationRecord], NDArray[np.int64]]:
     """A new :class:`EliminationRecord`, and the first row of each foot on none of the limbs.
 

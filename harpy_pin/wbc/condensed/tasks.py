@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from harpy_pin.ground.contact_frame import to_contacts, turn_feet
-from harpy_pin.kernels import kernel
+from harpy_pin.kernels import diagonal, kernel
 from harpy_pin.model.dynamics import DynamicsRecord
 from harpy_pin.model.record import RecordOf, sized
 from harpy_pin.model.state import Vector
@@ -213,4 +213,7 @@ def contact_forces_map(
 @kernel
 def upright(frame: Vector) -> bool:
     """Whether contacts (feet, 3, 3) have the axes of the world."""
-    return bool(np.all(frame == np.eye(3)))
+    level = True
+    for k in range(frame.shape[0]):
+        level = level and bool(np.all(diagonal(frame[k]) == 1.0))
+    return level

@@ -262,10 +262,7 @@ def _record(
     firsts = np.cumsum((0, *robot.corners))
     task_bodies = [frame.parentJoint - 1 for frame in frames]
     system, first_row = elimination_record(
-        robot,
-        {},
-        compliance=COMPLIANCE,
-        task_bodies=task_bodies,
+        robot, {}, compliance=COMPLIANCE, task_bodies=task_bodies
     )
     sizes = {
         **robot.sizes,
