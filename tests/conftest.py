@@ -25,7 +25,6 @@ import pytest
 from needs import CHECKS, chromium, missing, needed
 
 import harpy_pin as hp
-import harpy_pin.contrib.contact_force  # a formulation, which tests name
 from harpy_pin.kernels import kernels
 from harpy_pin.view.page.film import SWITCHES
 

@@ -12,7 +12,6 @@ from hostile_states import draw_hostile
 from random_states import draw
 
 import harpy_pin as hp
-import harpy_pin.contrib.contact_force
 from harpy_pin.kernels.kernels import _KERNELS, wait_for_all
 
 STATES = 1500
