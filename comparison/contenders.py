@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import Any
 
 import harpy_pin as hp
-from harpy_pin.contrib.solvers import SOLVERS
 from harpy_pin.scenario import CONTROLLER_PARTS, ControllerPart, Governed
 from harpy_pin.scenario.parts import read_part
 
@@ -254,9 +253,6 @@ not of times.
 TUNED = tuple(name + end for name in VARIANTS for end in ("", "/tuned"))
 """Every tuned variant with its published settings, and with those that were found."""
 
-FORCES = f"{OWN}/contact_force"
-"""The whole-body QP, stated in the contact forces alone; the section on ticks has it, too."""
-
 TRUSTING = ("condensed/trusting", f"{OWN}/trusting")
 """Condensed WBC and QP that trust the friction they are told, without an estimate; they walk the
 wide campaign, too.
@@ -284,19 +280,11 @@ _LABELS = {
     "wbc": "whole-body QP, ProxQP",
     OWN: "whole-body QP, own search",
     "wbc/daqp": "whole-body QP, DAQP",
-    "wbc/contact_force": "condensed program, ProxQP",
-    FORCES: "condensed program, own search for any program",
     "condensed/trusting": "condensed WBC, no friction estimate",
     f"{OWN}/trusting": "whole-body QP, own search, no friction estimate",
     "joint_pd": "joint PD",
 }
-_SHORT = {
-    BEST: "best",
-    "condensed/trusting": "cond., no est.",
-    "wbc": "QP, ProxQP",
-    OWN: "QP",
-    "wbc/contact_force": "QP/contact_force, ProxQP",
-}
+_SHORT = {BEST: "best", "condensed/trusting": "cond., no est.", "wbc": "QP, ProxQP", OWN: "QP"}
 
 
 def label(contender: str) -> str:
@@ -327,9 +315,8 @@ def controller_part(contender: str, mu: float | None = None) -> ControllerPart:
     default.
 
     A contender is ``governed`` with a governor (``governed/filter``), or another controller, alone
-    (``wbc``), or with the solver or the formulation of its program
-    (``wbc/active_set/contact_force``), or ``trusting`` the friction it is told; or one of
-    :data:`TUNED`, or :data:`BEST`.
+    (``wbc``), or with the solver of its program (``wbc/active_set``), or ``trusting`` the friction
+    it is told; or one of :data:`TUNED`, or :data:`BEST`.
     """
     if contender == BEST or contender in TUNED:
         name = best_paper() if contender == BEST else contender
@@ -347,5 +334,5 @@ def controller_part(contender: str, mu: float | None = None) -> ControllerPart:
         if word == "trusting":
             chosen["estimate_friction"] = False
         else:
-            chosen["solver" if word in SOLVERS else "formulation"] = word
+            chosen["solver"] = word
     return CONTROLLER_PARTS[controller](mu=mu, parameters=chosen)

@@ -16,7 +16,7 @@ import numpy as np
 
 import harpy_pin
 import harpy_pin as hp
-from comparison.contenders import CONTENDERS, FORCES, HARSH, TRUSTING, TUNED, TUNED_FILE
+from comparison.contenders import CONTENDERS, HARSH, TRUSTING, TUNED, TUNED_FILE
 from harpy_pin import checks
 from harpy_pin.log.run import describe_versions
 from harpy_pin.simulation.mujoco import installed_version
@@ -142,7 +142,7 @@ class CampaignSettings:
         checks.ticks(checks.number("duration", self.duration, low=1.5), 1e-3)
         checks.number("seed", self.seed, low=0.0)
         for name in self.contenders:
-            checks.one_of("contender", name, (*CONTENDERS, FORCES, *TRUSTING, *TUNED))
+            checks.one_of("contender", name, (*CONTENDERS, *TRUSTING, *TUNED))
         for name, factor in FACTORS.items():
             for value in getattr(self, factor.levels):
                 if name == "plant":

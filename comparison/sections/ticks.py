@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 import harpy_pin as hp
-from comparison.contenders import CONTENDERS, FORCES, controller_part, label
+from comparison.contenders import CONTENDERS, controller_part, label
 from comparison.measure.inside_c import ReplayInsideC, overhead_inside_c
 from comparison.measure.replay import WBC_PHASES, ProxQPReplay, TickReplay, WholeBodyChain
 from comparison.measure.timing import Bench, Laps, summarise, summarise_repetitions
@@ -29,12 +29,10 @@ COLD = 200
 
 
 def make_all(robot: hp.Robot, friction: float) -> dict[str, Any]:
-    """Every controller and governor of the campaign, the QP by DAQP, and the QP in contact
-    forces.
-    """
+    """Every controller and governor of the campaign, and the QP by DAQP."""
     return {
         name: controller_part(name).make(hp.make_gait(robot), mu=friction, period=1e-3)
-        for name in (*CONTENDERS, "wbc/daqp", FORCES, "wbc/contact_force")
+        for name in (*CONTENDERS, "wbc/daqp")
     }
 
 
@@ -285,9 +283,7 @@ def formulations_table(entry: dict[str, Any], friction: float) -> Table:
         f"Medians unless stated, on {STATES} states of the pushed walk of the QP controller. "
         "The difference is that of the commands from the full formulation solved by an active-set "
         "method. 'full' and "
-        "'input_space' are the same problem: where it is not small, the solver stopped short. "
-        "'contact_force' has no "
-        "posture task, and holds the limits of the motors by choosing other forces."
+        "'input_space' are the same problem: where it is not small, the solver stopped short."
     )
     return Table(
         "formulations",

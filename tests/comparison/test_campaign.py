@@ -38,7 +38,6 @@ from comparison.campaign.summary import (
 from comparison.campaign.walks import exceptions_table, scenario, walk_task
 from comparison.contenders import (
     CONTENDERS,
-    FORCES,
     HARSH,
     OWN,
     PAPER,
@@ -142,7 +141,7 @@ def test_factors_do_not_go_together() -> None:
 
 
 def test_every_contender_and_every_level_has_a_name_of_its_own() -> None:
-    names = tuple(dict.fromkeys((*CONTENDERS, FORCES, *TRUSTING)))
+    names = tuple(dict.fromkeys((*CONTENDERS, *TRUSTING)))
     assert (
         len({label(name) for name in names})
         == len({short_name(name) for name in names})
@@ -221,9 +220,7 @@ def test_the_same_task_gives_the_same_row_and_a_fall_its_time() -> None:
 
 def test_what_is_drawn_reaches_the_walk() -> None:
     task = next(t for t in plan(WIDE) if t.plant == "mujoco" and t.damping == 2.0)
-    drawn = scenario(
-        replace(task, contender=FORCES, stiffness=40e3, speed=0.5, noise=0.5, delay=2e-3)
-    )
+    drawn = scenario(replace(task, contender=OWN, stiffness=40e3, speed=0.5, noise=0.5, delay=2e-3))
     assert drawn.ground.stiffness == drawn.stiffness == drawn.felt_ground.stiffness == 40e3
     assert drawn.ground.damping == pytest.approx(
         2.0 * 268.3 * 5.0**0.5
@@ -241,7 +238,7 @@ def test_what_is_drawn_reaches_the_walk() -> None:
     assert built.sensors is not None
     assert built.sensors.delay == 2
     assert isinstance(built.controller, hp.WholeBodyController)
-    assert built.controller.parameters.formulation == "contact_force"
+    assert built.controller.parameters.solver == "active_set"
     plain = hp.build(scenario(replace(PLAIN, contender="condensed/trusting")))
     assert plain.sensors is None
     assert isinstance(plain.controller, hp.CondensedController)

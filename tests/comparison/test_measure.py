@@ -183,7 +183,7 @@ def test_every_tick_is_one_crossing_into_c(
             controller.step(state)
         # Gait, terms and program; ProxQP's rows; after the solver the violation, the limits and the
         # command.
-        each = {"wbc": 5, "wbc/contact_force": 5, "wbc/daqp": 4}.get(name, 1)
+        each = {"wbc": 5, "wbc/daqp": 4}.get(name, 1)
         assert len(crossings) == 19 * each, (name, len(crossings))
 
 

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import harpy_pin as hp
-from comparison.contenders import CONTENDERS, FORCES, OWN
+from comparison.contenders import CONTENDERS, OWN
 from comparison.measure.timing import Bench, TimingSettings
 from comparison.measure.walking import record_states, recorded_walk
 from comparison.sections import growth, ticks
@@ -20,13 +20,13 @@ from harpy_pin.contrib.solvers import SOLVERS
 from harpy_pin.model import catalogue
 from harpy_pin.wbc import FORMULATIONS
 
-BY_PYTHON = {"wbc", "wbc/daqp", "wbc/contact_force"}
+BY_PYTHON = {"wbc", "wbc/daqp"}
 """Contenders whose solver is a module of Python."""
 
 
 def test_ticks_count_every_controller_and_add_up(whole_document: dict[str, Any]) -> None:
     ticks = whole_document["ticks"]["contenders"]
-    assert {*CONTENDERS, "wbc/daqp", FORCES, "wbc/contact_force"} == ticks.keys()
+    assert {*CONTENDERS, "wbc/daqp"} == ticks.keys()
     assert all(entry["cold_p50_us"] > 0.0 for entry in ticks.values())
     inside = {name: entry["inside_c"] for name, entry in ticks.items() if "inside_c" in entry}
     assert ticks.keys() - inside.keys() == BY_PYTHON
@@ -66,8 +66,6 @@ def test_formulations_are_the_same_problem(whole_document: dict[str, Any]) -> No
             limit = {"active_set": 1e-5, "daqp": 1e-5, "quadprog": 1e-5, "proxqp": 1e-3}.get(
                 solver, 0.5
             )
-            if formulation == "contact_force":  # another optimum where a motor is at its limit
-                limit = 0.5
             assert row["difference_max"] < limit, (formulation, solver)
 
 

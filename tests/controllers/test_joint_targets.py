@@ -237,11 +237,9 @@ def added(command, state):
     return k_p * (q - state.q[7:]) + k_d * (v - state.v[6:])
 
 
-@pytest.mark.parametrize("formulation", ["input_space", "full", "contact_force"])
+@pytest.mark.parametrize("formulation", ["input_space", "full"])
 def test_the_law_of_the_condensed_controller_is_that_of_the_qp(formulation):
-    """To 1e-7 of the largest torque; ``contact_force`` has another optimum where a motor is at its
-    limit.
-    """
+    """To 1e-7 of the largest torque."""
     one, other = make("condensed"), make("wbc", formulation=formulation, weights={"posture": 1e-10})
     largest = worst = 0.0
     for state in walked():
@@ -253,7 +251,7 @@ def test_the_law_of_the_condensed_controller_is_that_of_the_qp(formulation):
         largest = max(largest, np.abs(added(a, state)).max())
         worst = max(worst, np.abs(added(a, state) - added(b, state)).max() / np.abs(a.torque).max())
     assert largest > 0.1
-    assert worst < (1e-7 if formulation != "contact_force" else 1e-3)
+    assert worst < 1e-7
 
 
 @pytest.mark.parametrize(

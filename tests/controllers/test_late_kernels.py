@@ -24,7 +24,6 @@ CASES = {
     "motors, ProxQP": ("wbc", {"joint_stiffness": 1.0, "joint_damping": 0.3}),
     "full": ("wbc", {"formulation": "full", "solver": "active_set"}),
     "full, daqp": ("wbc", {"formulation": "full", "solver": "daqp"}),
-    "contact_force": ("wbc", {"formulation": "contact_force", "solver": "active_set"}),
     "added": ("wbc", {}),
 }
 

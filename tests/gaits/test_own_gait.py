@@ -15,16 +15,13 @@ from harpy_pin.gaits import GaitTarget
 from harpy_pin.gaits.gait import own_target
 
 ROBOT = hp.load_harpy()
-EXACT = {
-    "solver": "daqp",
-    "formulation": "contact_force",
-}  # ProxQP's last digits depend on where its memory lies
+EXACT = {"solver": "daqp"}  # ProxQP's last digits depend on where its memory lies
 CONTROLLERS = {
     "ungoverned": hp.Governed(governor="none"),
     "paper": hp.Governed(governor="paper"),
     "filter": hp.Governed(governor="filter"),
     "feedforward": hp.Governed(governor="filter", parameters={"legs": "feedforward"}),
-    "QP": hp.WholeBody(parameters=EXACT | {"solver": "active_set"}),
+    "QP": hp.WholeBody(parameters={"solver": "active_set"}),
     "QP by phases": hp.WholeBody(parameters=EXACT),
     "condensed": hp.Condensed(),
 }

@@ -78,9 +78,8 @@ def test_a_write_behind_an_array_is_found(tmp_path):
     "names",
     [
         ("condensed", "loops"),
-        ("formulation input_space", "formulation contact_force"),
-        ("formulation full", "governed"),
-        ("governor paper", "governor filter"),
+        ("formulation input_space", "formulation full"),
+        ("governed", "governor paper", "governor filter"),
         ("batches", "reduced", "pieces"),
         ("environments", "in_place"),
     ],

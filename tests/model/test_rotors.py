@@ -15,7 +15,7 @@ import harpy_pin as hp
 from harpy_pin.controllers.tasks import MAX_LEAN, lean, limit_push
 from harpy_pin.model.catalogue import CATALOGUE
 from harpy_pin.view import figures_of, replay_html
-from harpy_pin.wbc import WholeBodyLimits, WholeBodyTargets, WholeBodyWeights, make_problem
+from harpy_pin.wbc import WholeBodyLimits, WholeBodyTargets, WholeBodyWeights
 from harpy_pin.wbc.condensed import CondensedSolver, CondensedStatus
 
 ROTORS, ARM, DRAG, LIMIT = 6, 0.25, 0.016, (0.1, 8.0)
@@ -308,8 +308,6 @@ def test_refusals(flyer, robot):
         hp.Standing(flyer)
     with pytest.raises(hp.InputError, match=r"has feet: hp\.Standing"):
         hp.Hovering(robot)
-    with pytest.raises(hp.InputError, match="no feet, and so no contact forces"):
-        make_problem("contact_force", flyer)
     with pytest.raises(hp.InputError, match="not rotors"):
         hp.ContactForceFilter(flyer)
     assert robot.lift_axis is None

@@ -384,9 +384,8 @@ def exported() -> None:
     for name in (*CONTROLLERS, ESTIMATOR):
         motion = ready(hp.load_harpy(), name, duration=0.01)
         _tick_alone(motion)
-    for formulation in ("full", "contact_force"):
-        part = hp.WholeBody(parameters={"formulation": formulation, "solver": "active_set"})
-        _tick_alone(hp.build(hp.Scenario(controller=part, duration=0.01)))
+    full = hp.WholeBody(parameters={"formulation": "full", "solver": "active_set"})
+    _tick_alone(hp.build(hp.Scenario(controller=full, duration=0.01)))
     if installed_data() is not None:
         for law in ({}, {"joint_stiffness": 20.0, "joint_damping": 0.5}):
             robot, part = hp.load_robot("go2"), {"name": "condensed", **law}
@@ -416,7 +415,7 @@ def pieces() -> None:
     at = (Dynamics(robot), np.zeros(12), np.eye(3), WholeBodyTargets(robot))
     at[0].update(*hp.make_gait(robot).initial_state())
     CondensedSolver(robot).solve(*at)
-    problem = make_problem("contact_force", robot)
+    problem = make_problem("input_space", robot)
     problem.build(*at)
     z = np.zeros(len(problem.program.gradient))
     problem.inputs(z, np.empty(robot.n_thrust + 6))

@@ -5,7 +5,7 @@ import pinocchio as pin
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from whole_body_oracle import MU, ROBOT, WEIGHTS, oracle, random_case, solve_oracle
+from whole_body_oracle import MU, ROBOT, oracle, random_case, solve_oracle
 
 import harpy_pin as hp
 from harpy_pin.wbc import AddedTasks, WholeBodyLimits, make_problem, make_solver
@@ -13,8 +13,6 @@ from harpy_pin.wbc import AddedTasks, WholeBodyLimits, make_problem, make_solver
 NV = 12
 seeds = st.integers(0, 10_000)
 LIMITS = WholeBodyLimits(mu=MU)
-LOOSE = WEIGHTS
-"""The forces alone have no posture task; the other formulations must have one."""
 
 
 def draw(seed):
@@ -183,17 +181,16 @@ def pinocchio_tasks(rng, q, v, a_zero):
     ]
 
 
-def compare(seed, formulation, *, ranges, force_only=False, weights=None):
+def compare(seed, formulation, *, ranges):
     """Our optimum and that of the independent program, [a; f; u], with random tasks added; None
     where there is none.
     """
     q, v, targets = random_case(seed)
     rng = np.random.default_rng(seed + 1)
     tasks = pinocchio_tasks(rng, q, v, np.zeros(NV))
-    order = [4] if force_only else [rng.integers(5), *rng.permutation(6)[:2]]
-    tasks = [tasks[k] for k in order]
-    a, b, equality, value, inequality, upper = oracle(q, v, targets, LIMITS, weights)
-    problem = make_problem(formulation, ROBOT, weights, LIMITS)
+    tasks = [tasks[k] for k in (rng.integers(5), *rng.permutation(6)[:2])]
+    a, b, equality, value, inequality, upper = oracle(q, v, targets, LIMITS)
+    problem = make_problem(formulation, ROBOT, None, LIMITS)
     added, entries = AddedTasks(problem), []
     for k, (task, matrix, drift) in enumerate(tasks):
         rows = np.zeros((len(drift), 24))
@@ -232,8 +229,7 @@ def compare(seed, formulation, *, ranges, force_only=False, weights=None):
     for entry, (_, matrix, drift) in zip(entries, tasks, strict=True):
         errors = matrix @ z[: matrix.shape[1]] + drift
         np.testing.assert_allclose(entry.matrix[:, : matrix.shape[1]], matrix, atol=1e-12)
-        if not force_only:
-            np.testing.assert_allclose(entry.error, errors, atol=1e-4)
+        np.testing.assert_allclose(entry.error, errors, atol=1e-4)
     found = np.concatenate(
         (problem.acceleration(solution.z), problem.contact_force(solution.z).ravel(), inputs[:6])
     )
@@ -265,48 +261,11 @@ def test_many_ranges_are_active_and_some_contradict():
     assert changed > 10
 
 
-def test_forces_alone_take_tasks_on_forces():
-    """The optimum of the general program, wherever no motor is at its limit (see the module
-    ``wbc.force``).
-    """
-    equal = 0
-    box = np.tile((0.4 * 53.0, 0.4 * 53.0, 53.0 * np.sqrt(0.68)), 2)
-    for seed in range(120):
-        found, expected, inputs = compare(
-            seed, "contact_force", ranges=seed % 2 == 0, force_only=True, weights=LOOSE
-        )
-        if isinstance(found, bool) or seed % 4 == 3:  # in the air there is nothing to choose
-            continue
-        limit = np.concatenate((box, ROBOT.torque_limit))
-        if (np.abs(inputs) > limit - 1e-6).any():
-            continue
-        equal += 1
-        np.testing.assert_allclose(
-            found, expected, rtol=0, atol=2e-6 * (1.0 + np.abs(expected).max())
-        )
-    assert equal > 40
-
-
-def test_forces_alone_refuse_tasks_on_accelerations():
-    gait = hp.make_gait(ROBOT)
-    controller = hp.make_controller("wbc", gait, mu=0.5, formulation="contact_force")
-    controller.add(hp.FootForceTask("left_foot"), weight=1.0)
-    for task in (
-        hp.FrameTask("left_knee"),
-        hp.CentreOfMassTask(),
-        OnEverything(np.random.default_rng(0)),
-    ):
-        with pytest.raises(
-            hp.InputError, match="'contact_force' takes tasks on contact forces only"
-        ):
-            controller.add(task, weight=1.0)
-
-
 def test_range_of_a_foot_in_the_air_rests():
     """At least 40 N on the left foot: held on the ground, and no contradiction in the air, in every
     formulation.
     """
-    for formulation in ("input_space", "full", "contact_force"):
+    for formulation in ("input_space", "full"):
         problem = make_problem(formulation, ROBOT, None, LIMITS)
         for seed in range(4):
             q, v, targets = random_case(seed)
