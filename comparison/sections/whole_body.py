@@ -16,8 +16,8 @@ import pinocchio as pin
 
 import harpy_pin as hp
 from harpy_pin.model.state import State, Vector
-from harpy_pin.wbc.condensed.whole_body_solve import solve_whole_body
 from harpy_pin.wbc.condensed.whole_body import AnyTask
+from harpy_pin.wbc.condensed.whole_body_solve import solve_whole_body
 
 STATES, BLOCKS = 200, 20
 HANDS = ("left_wrist_yaw_link", "right_wrist_yaw_link")

@@ -4,7 +4,9 @@ compiled call.
 
 from __future__ import annotations
 
-from typing import NoReturn
+from collections.abc import Mapping
+
+from numpy.typing import ArrayLike
 
 from harpy_pin.arguments import checked
 from harpy_pin.controllers.condensed_tick import CondensedTickRecord, condensed_step
@@ -16,11 +18,11 @@ from harpy_pin.controllers.joint_targets import (
 from harpy_pin.controllers.parameters import WholeBodyParameters
 from harpy_pin.controllers.task_controller import TaskController
 from harpy_pin.controllers.thrust_lag import LaggedTickRecord, lagged_step, thrust_lag_record
-from harpy_pin.errors import InputError
 from harpy_pin.gaits.gait import Gait
 from harpy_pin.model.record import field
-from harpy_pin.model.state import State
+from harpy_pin.model.state import State, Vector
 from harpy_pin.wbc.condensed.condensed_solver import CondensedSolver, condensed_record
+from harpy_pin.wbc.condensed.task_memory import AnyTask, adopt_tasks, known_tasks
 
 
 class CondensedController(TaskController):
@@ -40,21 +42,30 @@ class CondensedController(TaskController):
             (:meth:`WholeBodyParameters.for_gait`); ``formulation`` and ``solver`` are not used.
 
     Attributes:
-        solver: the program of the last tick, with its forces and status.
+        solver: the optimum of the last tick, with its forces and status.
+        added: tasks that :meth:`add` has put in, with their weights.
     """
 
     @checked
     def __init__(self, gait: Gait, parameters: WholeBodyParameters | None = None) -> None:
         super().__init__(gait, parameters)
+        self._use({})
+
+    def _use(self, tasks: Mapping[AnyTask, ArrayLike]) -> None:
+        """Begin anew, with tasks of one's own."""
         p = self.parameters
-        condensed = condensed_record(self.robot, p.weights, p.limits, hold_ticks=p.hold_ticks)
+        condensed = condensed_record(
+            self.robot, p.weights, p.limits, tasks=[*tasks], hold_ticks=p.hold_ticks
+        )
         lag = thrust_lag_record(self.robot, p)
         if lag is None:
             self._begin_tasks(CondensedTickRecord, CondensedMotorsRecord, condensed=condensed)
         else:
             self._begin_tasks(LaggedTickRecord, LaggedMotorsRecord, condensed=condensed, lag=lag)
+        record = self._record_["condensed"]
+        self.added = adopt_tasks(tasks, record, record["newton"])
         self.solver = CondensedSolver(
-            self.robot, p.weights, p.limits, record=self._record_["condensed"]
+            self.robot, p.weights, p.limits, tasks=[*tasks], record=record
         )
         self._intended = self.solver.acceleration
         self._clipped = field(self.solver._record_, "clipped")
@@ -93,19 +104,31 @@ class CondensedController(TaskController):
         """
         return int(self._clipped[0])
 
-    def add(self, task: object, **_: object) -> NoReturn:
-        """Refuse a task that :meth:`WholeBodyController.add` takes.
+    def add(self, task: AnyTask, *, weight: ArrayLike) -> Vector:
+        """Add a task of your own, before the walk: the controller begins anew, and its kernels are
+        compiled for the new size.
+
+        From here on the task keeps its references in the controller's memory:
+        ``task.position[:] = ...`` is all that a change takes. Gains are read here, once.
 
         Args:
-            task: any.
+            task: :class:`~harpy_pin.wbc.FrameTask`, :class:`~harpy_pin.wbc.JointTask`, one
+                :class:`~harpy_pin.wbc.CentreOfMassTask`, or one angular
+                :class:`~harpy_pin.wbc.MomentumTask`; every other one is
+                :meth:`WholeBodyController.add`'s.
+            weight: of the squares of its error, (rows,) or one for all; those of the gait's own
+                tasks are in :class:`~harpy_pin.wbc.weights.WholeBodyWeights`.
+
+        Returns:
+            (rows,) its weights, which may be overwritten in place.
 
         Raises:
-            InputError: always.
+            InputError: a task of another kind, unknown frames or joints, or weights out of their
+                domain.
         """
-        raise InputError(
-            "the condensed controller has no place for added tasks: its cost is that of body, "
-            "swing feet, thrusts and "
-            "contact forces alone. make_controller('wbc', ...).add takes them",
-            name="task",
-            value=task,
-        )
+        p, tasks = self.parameters, {**self.added, task: weight}
+        known_tasks([*tasks])
+        alone = condensed_record(self.robot, p.weights, p.limits, tasks=[task])
+        adopt_tasks({task: weight}, alone, alone["newton"])  # refused before anything is changed
+        self._use({**{one: kept.copy() for one, kept in self.added.items()}, task: weight})
+        return self.added[task]

@@ -39,6 +39,7 @@ def condensed_step(
     d, optimum = r.dynamics, r.condensed
     r.verdict = task_terms(r, target, q, v, foot_force)
     if r.verdict == GOOD:
+        optimum.configuration[:] = q
         solve_condensed(d, r.targets, optimum, v)
         finish_optimum(r)
         write_thrusts(d, optimum.inputs, r.thrust)

@@ -229,6 +229,7 @@ def lagged_step(
     advance_thrusts(lag)
     r.verdict = task_terms(r, target, q, v, foot_force)
     if r.verdict == GOOD:
+        p.configuration[:] = q
         keep_thrusts(lag, d.tree.rotation)
         bound_thrusts(lag, False, p.input_lower, p.input_upper)
         count_from_kept(lag, d, 1.0)

@@ -246,8 +246,7 @@ class WholeBodyController(TaskController):
 
         Raises:
             InputError: neither weight nor range, or one out of its domain; rows that do not fit; a
-                frame, joint or foot that the robot does not have; a task that the formulation has
-                no place for.
+                frame, joint or foot that the robot does not have.
         """
         added = AddedTasks(self.problem) if self.added is None else self.added
         q, v = self.gait.initial_state()

@@ -14,7 +14,7 @@ FORMULATIONS: dict[str, type[WholeBodyProblem]] = {
     kind.name: kind for kind in (FullProblem, InputSpaceProblem)
 }
 """``full`` has accelerations, contact forces and thrusts as variables, ``input_space`` thrusts and
-torques. :mod:`harpy_pin.contrib.contact_force` adds one in contact forces when it is imported.
+torques.
 """
 
 

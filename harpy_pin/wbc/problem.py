@@ -252,13 +252,6 @@ class WholeBodyProblem(KeepsViews):
         """
         raise NotImplementedError
 
-    def check_rows(self, matrix: Vector) -> None:
-        """Refuse rows on [a; f] that this formulation cannot take; here it takes all.
-
-        Args:
-            matrix: (m, nv + 3 feet).
-        """
-
     def _solution(self, z: Vector) -> Vector:
         """A solution of the program, as kernels take it; refuses one of another size."""
         return as_array("z", z, self.program.gradient.shape)

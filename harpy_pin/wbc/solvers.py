@@ -103,8 +103,7 @@ class ProxQPSolver(PackageSolver):
       (``update_preconditioner``) it takes 3.5 times as long.
     - **Rows as upper bounds.** With lower ones the worst programs take six times as many
       iterations, and ProxQP never sees that they are infeasible.
-    - **Backend.** ``PrimalDualLDLT`` is what ``Automatic`` chooses for 12 unknowns and more. For
-      six, those of ``contact_force``, it takes half of the time of what is chosen there.
+    - **Backend.** ``PrimalDualLDLT`` is what ``Automatic`` chooses for 12 unknowns and more.
     - **No box interface.** Bounds as rows take 2 µs less than as ``box_constraints``.
     - **Warm start.** With the last penalties a solve takes as long as with the initial ones
       (``COLD_START_WITH_PREVIOUS_RESULT``), in fewer iterations. Without a guess it takes two to

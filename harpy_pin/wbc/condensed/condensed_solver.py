@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from enum import IntFlag
 
 import numpy as np
@@ -22,9 +23,13 @@ from harpy_pin.wbc.condensed.structure import (
     feet_record,
     limbs_record,
     limits_record,
+    tree_paths,
 )
+from harpy_pin.wbc.condensed.task_memory import AnyTask, task_records
+from harpy_pin.wbc.condensed.tasks import MOMENTA
 from harpy_pin.wbc.newton import newton_record
 from harpy_pin.wbc.problem import problem_values
+from harpy_pin.wbc.tasks.task import CentreOfMassTask, MomentumTask
 from harpy_pin.wbc.weights import WholeBodyLimits, WholeBodyTargets, WholeBodyWeights, check_terms
 
 
@@ -43,18 +48,28 @@ class CondensedStatus(IntFlag):
 
 
 def condensed_record(
-    robot: Robot, weights: WholeBodyWeights, limits: WholeBodyLimits, *, hold_ticks: float = 0
+    robot: Robot,
+    weights: WholeBodyWeights,
+    limits: WholeBodyLimits,
+    *,
+    tasks: Sequence[AnyTask] = (),
+    hold_ticks: float = 0,
 ) -> Records[CondensedRecord]:
     """A new :class:`CondensedRecord`; arguments and errors as of :class:`CondensedSolver`.
 
-    For ``hold_ticks`` ticks in a row :func:`hold_last` gives the last inputs in the place of
-    clipped ones.
+    There is room for ``tasks`` of one's own. For ``hold_ticks`` ticks in a row :func:`hold_last`
+    gives the last inputs in the place of clipped ones.
     """
-    values, limbs = problem_values(robot, weights, limits), determined_limbs(robot)
-    system, first_row = elimination_record(robot, limbs, compliance=COMPLIANCE)
+    values, model = problem_values(robot, weights, limits), robot.model
+    own = task_records(robot, tasks, width=tree_paths(model)[1].shape[1])
+    limbs = determined_limbs(robot, (*own.frame_bodies, *own.joint_bodies))
+    system, first_row = elimination_record(
+        robot, limbs, compliance=COMPLIANCE, task_bodies=own.frame_bodies
+    )
     others = [foot for foot in range(len(robot.corners)) if foot not in limbs]
+    of_momentum = any(isinstance(task, CentreOfMassTask | MomentumTask) for task in tasks)
     newton = newton_record(
-        {**robot.sizes, "momenta": 2},
+        {**robot.sizes, "momenta": 2 + (MOMENTA if of_momentum else 0)},
         limits,
         force_weight=weights.force,
         thrust_weight=weights.thrust,
@@ -67,6 +82,10 @@ def condensed_record(
         system=system,
         newton=newton,
         limits=limits_record(robot, limits),
+        frames=own.frames,
+        joints=own.joints,
+        momentum=own.momentum,
+        configuration=np.zeros(model.nq),
         hold_ticks=np.int64(hold_ticks),
         clipped=np.array(
             [0, hold_ticks], dtype=np.int64
@@ -84,6 +103,7 @@ class CondensedSolver(KeepsViews):
         weights: of the tasks, by default those that fit the robot; limbs that their feet determine
             have no free posture.
         limits: of the constraints.
+        tasks: of one's own in the record.
         record: where everything is kept, a part of a larger record, made by
             :func:`condensed_record`.
 
@@ -109,12 +129,13 @@ class CondensedSolver(KeepsViews):
         weights: WholeBodyWeights | None = None,
         limits: WholeBodyLimits | None = None,
         *,
+        tasks: Sequence[AnyTask] = (),
         record: Record | None = None,
     ) -> None:
         self.robot = robot
         self.weights = weights if weights is not None else WholeBodyWeights.for_robot(robot)
         self.limits = limits if limits is not None else WholeBodyLimits()
-        own = condensed_record(robot, self.weights, self.limits)
+        own = condensed_record(robot, self.weights, self.limits, tasks=tasks)
         self.record = own if record is None else same_layout(record, own)
         self.force: Vector = field(self._record_, "force").reshape(-1, 3)
         self.inputs: Vector = field(self._record_, "inputs")

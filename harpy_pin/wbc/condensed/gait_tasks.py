@@ -69,7 +69,7 @@ def assemble_gait(
     for j in range(e.order.shape[0]):
         k = e.order[j]
         begin_row(d, e, k, p.w_motion[k] * t.joint_share[k - ROOT], t.joints[k - ROOT])
-    n.momentum_weight[:2] = 0.0
+    n.momentum_weight[n.momentum_weight.shape[0] - 2 :] = 0.0
     if t.centred:
         _centre(d, t, p, e, n, desired)
 
@@ -88,9 +88,10 @@ def _centre(
     up, linear = rotation[2], e.matrix[:3, SIDES : SIDES + 3]
     linear[:] = p.w_body * (ORIGIN * np.eye(3) + (1.0 - ORIGIN) * np.outer(up, up))
     e.matrix[:3, TARGETS] = -(linear @ desired[:3])
-    n.momentum_weight[:2] = p.w_body
-    n.momentum_map[:2, :3], n.momentum_map[:2, 3:] = rotation[:2] / mass, 0.0
-    n.momentum_target[:2] = t.body[:2] - d.tree.gravity[:2]
+    first = n.momentum_weight.shape[0] - 2  # after those of tasks of one's own
+    n.momentum_weight[first:] = p.w_body
+    n.momentum_map[first:, :3], n.momentum_map[first:, 3:] = rotation[:2] / mass, 0.0
+    n.momentum_target[first:] = t.body[:2] - d.tree.gravity[:2]
 
 
 @kernel

@@ -127,8 +127,8 @@ def add_limit(
         n.compliance[at, at] += COMPLIANCE
     n.force_map[:, at] = np.where(is_torque, d.foot_jacobian[:, ROOT + j], 0.0)
     n.thrust_map[:, at] = np.where(is_torque, d.thruster_jacobian[:, ROOT + j], 0.0)
-    lower, upper = m.torque_range[j] if is_torque else m.acceleration_range[j]
-    enter_limit(n, lower, upper, end)
+    limit = m.torque_range[j] if is_torque else m.acceleration_range[j]
+    enter_limit(n, limit[0], limit[1], end)
 
 
 @kernel

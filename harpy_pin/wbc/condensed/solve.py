@@ -29,6 +29,15 @@ from harpy_pin.wbc.condensed.gait_tasks import FeetRecord, add_feet, assemble_ga
 from harpy_pin.wbc.condensed.limbs import LimbsRecord, eliminate_limbs
 from harpy_pin.wbc.condensed.limits import LimitsRecord, add_violated, begin_limits
 from harpy_pin.wbc.condensed.motion import move
+from harpy_pin.wbc.condensed.tasks import (
+    MOMENTA,
+    FrameTasksRecord,
+    JointTasksRecord,
+    MomentumTasksRecord,
+    add_frame,
+    add_joints,
+    momentum_rows,
+)
 from harpy_pin.wbc.giving_way import outside, share_of_least_force, share_of_swing
 from harpy_pin.wbc.newton import NewtonRecord
 from harpy_pin.wbc.optimum import find_forces
@@ -52,6 +61,10 @@ class CondensedRecord(ProblemRecord):
     system: EliminationRecord  # all other accelerations
     newton: NewtonRecord  # the search for the forces
     limits: LimitsRecord  # of torques
+    frames: FrameTasksRecord  # tasks of one's own
+    joints: JointTasksRecord
+    momentum: MomentumTasksRecord
+    configuration: Vector  # (nq,) q, which they need
     # pieces of their cones on which the forces were in the last optimum without limits, and in the
     # last one with limits
     free_piece: NDArray[np.int64] = sized("feet", whole=True)
@@ -111,6 +124,11 @@ def _eliminate(d: DynamicsRecord, t: TargetsRecord, p: CondensedRecord, v: Vecto
     soften_limbs(t, p, p.limbs, p.swing_share)
     eliminate_limbs(d, t, p.limbs, e)
     add_feet(d, t, p, e, p.others, p.swing_share)
+    add_joints(d.tree, e, p.joints, p.configuration, v)
+    for k in range(p.frames.body.shape[0]):
+        add_frame(d, e, p.frames, k, p.configuration)
+    if n.momentum_weight.shape[0] > MOMENTA:
+        momentum_rows(d, p.momentum, n, p.configuration, v)
     eliminate(e)
     root_equations(e, n.compliance, n.demand)
 

@@ -81,7 +81,9 @@ def limbs_record(robot: Robot, limbs: dict[int, list[int]]) -> Records[LimbsReco
     )
 
 
-def feet_record(robot: Robot, feet: Sequence[int], first_row: Sequence[int]) -> Records[FeetRecord]:
+def feet_record(
+    robot: Robot, feet: Sequence[int], first_row: NDArray[np.int64]
+) -> Records[FeetRecord]:
     """A new :class:`FeetRecord`, of feet by number.
 
     Raises:
@@ -105,7 +107,7 @@ def feet_record(robot: Robot, feet: Sequence[int], first_row: Sequence[int]) -> 
         body=bodies[[*feet]],
         foot=firsts[[*feet]].astype(np.int64),
         points=np.array([robot.corners[foot] for foot in feet], dtype=np.int64),
-        first_row=np.array(first_row, dtype=np.int64),
+        first_row=first_row,
         basis=basis,
     )
 

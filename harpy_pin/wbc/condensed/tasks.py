@@ -27,6 +27,9 @@ from harpy_pin.model.vectors import log, skew
 from harpy_pin.wbc.condensed.elimination import ROOT, SIDES, TARGETS, EliminationRecord
 from harpy_pin.wbc.newton import NewtonRecord
 
+MOMENTA = 6
+"""Rows of the tasks of the centre of mass and of the angular momentum, which come first."""
+
 
 class FrameTasksRecord(RecordOf):
     """Tasks of frames: rows of position, then orientation."""
@@ -168,12 +171,12 @@ def momentum_rows(
     t, mass = d.tree, d.tree.moment[0, 0]
     r, centre, momentum = t.rotation, t.moment[0, 1:] / mass, d.mass_matrix[:6] @ v
     n.momentum_map[:3, :3], n.momentum_map[:3, 3:] = r / mass, 0.0
-    n.momentum_map[3:, :3], n.momentum_map[3:, 3:] = -(r @ skew(centre)), r
+    n.momentum_map[3:MOMENTA, :3], n.momentum_map[3:MOMENTA, 3:] = -(r @ skew(centre)), r
     n.momentum_target[:3] = (
         m.acceleration - t.gravity + m.damping * (m.velocity - r @ momentum[:3] / mass)
     )
     n.momentum_target[:3] += m.stiffness * (m.position - q[:3] - r @ centre)
-    n.momentum_target[3:] = m.rate + m.gain * (
+    n.momentum_target[3:MOMENTA] = m.rate + m.gain * (
         m.momentum - r @ (momentum[3:] - np.cross(centre, momentum[:3]))
     )
 

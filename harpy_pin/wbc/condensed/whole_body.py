@@ -4,45 +4,34 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from enum import IntEnum
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from harpy_pin import checks
 from harpy_pin.arguments import checked
-from harpy_pin.errors import InputError, shown
 from harpy_pin.model.dynamics import dynamics_record
 from harpy_pin.model.entry import as_array
-from harpy_pin.model.memory import fixed_arrays, move_array
+from harpy_pin.model.memory import fixed_arrays
 from harpy_pin.model.record import Records, field, make_record
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import State, Vector
-from harpy_pin.wbc.condensed.elimination import ROOT
 from harpy_pin.wbc.condensed.gait_tasks import COMPLIANCE
 from harpy_pin.wbc.condensed.structure import (
     elimination_record,
     foot_bodies,
     limbs_record,
     limits_record,
+    tree_paths,
 )
-from harpy_pin.wbc.condensed.tasks import (
-    ContactsRecord,
-    FrameTasksRecord,
-    JointTasksRecord,
-    MomentumTasksRecord,
-)
+from harpy_pin.wbc.condensed.task_memory import AnyTask, adopt_tasks, known_tasks, task_records
+from harpy_pin.wbc.condensed.tasks import MOMENTA, ContactsRecord
 from harpy_pin.wbc.condensed.whole_body_solve import WRONG_SHAPE, WholeBodyRecord, solve_whole_body
 from harpy_pin.wbc.newton import newton_record
-from harpy_pin.wbc.tasks.task import CentreOfMassTask, FrameTask, JointTask, MomentumTask
 from harpy_pin.wbc.weights import WholeBodyLimits, thrust_box
 
 FORCE_WEIGHT = 2e-4
 """Weight of the square of a contact force over the robot's mass, (m/s²)²."""
-AnyTask = FrameTask | JointTask | CentreOfMassTask | MomentumTask
-REFERENCES = frozenset(("position", "rotation", "velocity", "acceleration", "momentum", "rate"))
-"""Arrays of tasks that move into the record."""
-KINDS = (FrameTask, JointTask, CentreOfMassTask, MomentumTask)
 
 
 class WholeBodyStatus(IntEnum):
@@ -174,9 +163,9 @@ class WholeBodySolver:
             "period": checks.number("period", period or 0.0, low=0.0),
         }
         checks.number("force_weight", settings["force_weight"], low=0.0, strict=True)
-        self.record = _record(robot, _known(tasks), limits, settings)
+        self.record = _record(robot, known_tasks([*tasks]), limits, settings)
         self.solution = WholeBodySolution(self._record_)
-        self.weights: dict[AnyTask, Vector] = {}
+        self.weights = adopt_tasks(tasks, self._record_, self._record_["newton"])
         self.held: Vector = field(self._record_["contacts"], "held")
         self.contact_acceleration: Vector = field(self._record_["contacts"], "acceleration")
         self.contact_frame: Vector = field(self._record_["contacts"], "frame")
@@ -184,7 +173,6 @@ class WholeBodySolver:
         self.force_range: Vector = field(self._record_["newton"], "force_range")
         self.reference_force: Vector = field(self._record_, "reference_force").reshape(-1, 3)
         self.torque_range: Vector = field(self._record_["limits"], "torque_range")
-        self._adopt(tasks)
 
     def solve(self, state: State) -> WholeBodySolution:
         """One optimum.
@@ -217,66 +205,24 @@ class WholeBodySolver:
         """Newton's steps of the last solve."""
         return int(self._record_["newton"]["steps"][0])
 
-    def _adopt(self, tasks: Mapping[AnyTask, ArrayLike]) -> None:
-        """Move the tasks' references into the record, and write weights and gains there."""
-        record, frame, row = self._record_, 0, 0
-        for task, weight in tasks.items():
-            arrays, rows = _arrays(record["momentum"][0]), slice(0, 3)
-            weights = field(record["newton"], "momentum_weight")[
-                3 if isinstance(task, MomentumTask) else 0 :
-            ]
-            if isinstance(task, FrameTask):
-                arrays, rows = _arrays(record["frames"][0], frame), task._rows
-                frame, weights = frame + 1, arrays["weight"]
-            elif isinstance(task, JointTask):
-                arrays, rows = _arrays(record["joints"][0]), slice(row, row + len(task.joints))
-                row, weights = rows.stop, arrays["weight"]
-            self.weights[task] = weights[rows]
-            self.weights[task][:] = checks.gains("weight", weight, len(self.weights[task]))
-            if isinstance(task, MomentumTask):
-                arrays["gain"][:] = task.gain
-            else:
-                arrays["stiffness"][rows], arrays["damping"][rows] = task.gains
-            for name in arrays.keys() & REFERENCES:
-                given = getattr(task, name, None)
-                if given is not None:
-                    place = (
-                        arrays[name] if arrays[name].shape == given.shape else arrays[name][rows]
-                    )
-                    place[:] = given
-                    move_array(task, name, place)
-
 
 def _record(
     robot: Robot, tasks: Sequence[AnyTask], limits: WholeBodyLimits, settings: dict[str, float]
 ) -> Records[WholeBodyRecord]:
     """A new :class:`WholeBodyRecord`; arguments and errors as of :class:`WholeBodySolver`."""
     model, points = robot.model, len(robot.feet)
-    framed = [task for task in tasks if isinstance(task, FrameTask)]
-    frames = [model.frames[robot.frame_id(task.frame)] for task in framed]
-    joints = [joint for task in tasks if isinstance(task, JointTask) for joint in task.joints]
-    for joint in joints:
-        checks.one_of("joint", joint, robot.joints)
-    columns = np.array([ROOT + robot.joints.index(joint) for joint in joints], dtype=np.int64)
     corners = [model.frames[robot.frame_id(name)] for name in robot.feet]
     firsts = np.cumsum((0, *robot.corners))
-    task_bodies = [frame.parentJoint - 1 for frame in frames]
+    own = task_records(robot, tasks, width=tree_paths(model)[1].shape[1])
     system, first_row = elimination_record(
-        robot, {}, compliance=COMPLIANCE, task_bodies=task_bodies
+        robot, {}, compliance=COMPLIANCE, task_bodies=own.frame_bodies
     )
-    sizes = {
-        **robot.sizes,
-        "frames": len(frames),
-        "joint_rows": len(joints),
-        "contacts": len(robot.corners),
-        "momenta": 6,
-        "width": system["path"].shape[-1],
-    }
+    sizes = {**robot.sizes, "contacts": len(robot.corners)}
     places = np.split(
         np.array([corner.placement.translation for corner in corners]).reshape(-1, 3), firsts[1:-1]
     )
     newton = newton_record(
-        sizes,
+        {**sizes, "momenta": MOMENTA},
         limits,
         force_weight=settings["force_weight"],
         thrust_weight=settings["thrust_weight"],
@@ -287,17 +233,9 @@ def _record(
         WholeBodyRecord,
         sizes,
         dynamics=dynamics_record(robot),
-        frames=make_record(
-            FrameTasksRecord,
-            sizes,
-            body=np.array(task_bodies, dtype=np.int64),
-            offset=np.array([frame.placement.translation for frame in frames]).reshape(-1, 3),
-            turn=np.array([frame.placement.rotation for frame in frames]).reshape(-1, 3, 3),
-            local=np.array([task.axes == "local" for task in framed], dtype=np.int64),
-            rotation=np.tile(np.eye(3), (len(frames), 1, 1)),
-        ),
-        joints=make_record(JointTasksRecord, sizes, column=columns),
-        momentum=make_record(MomentumTasksRecord, sizes),
+        frames=own.frames,
+        joints=own.joints,
+        momentum=own.momentum,
         contacts=make_record(
             ContactsRecord,
             sizes,
@@ -317,28 +255,3 @@ def _record(
             robot, limits, period=settings["period"], deceleration=settings["deceleration"]
         ),
     )
-
-
-def _known(tasks: Mapping[AnyTask, ArrayLike]) -> list[AnyTask]:
-    """The tasks, if they are of kinds that are known, with one centre of mass and one angular
-    momentum.
-    """
-    for task in tasks:
-        if type(task) not in KINDS or (isinstance(task, MomentumTask) and task.part != "angular"):
-            raise InputError(
-                "tasks must be FrameTask, JointTask, CentreOfMassTask, or MomentumTask of the "
-                "angular part, "
-                f"got {shown(task)}",
-                name="tasks",
-                value=task,
-            )
-    for kind in (CentreOfMassTask, MomentumTask):
-        if sum(isinstance(task, kind) for task in tasks) > 1:
-            raise InputError(f"one {kind.__name__} at most", name="tasks")
-    return [*tasks]
-
-
-def _arrays(record: Any, index: int | None = None) -> dict[str, Vector]:
-    """Views of what a record has of its tasks, or of one of them."""
-    names = (REFERENCES | {"weight", "stiffness", "damping", "gain"}) & {*record.dtype.names}
-    return {name: record[name] if index is None else record[name][index] for name in names}

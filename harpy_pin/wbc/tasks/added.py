@@ -168,7 +168,6 @@ class AddedTasks(KeepsViews):
             )
         full = np.zeros((size, self._arrays["matrix"].shape[1]))
         full[:, :columns] = checks.vector("rows", matrix, (size, columns))
-        self.problem.check_rows(full)
         target = checks.vector("rows", target, size)
         for row in np.flatnonzero(~full.any(axis=1) & ((-target < least) | (-target > largest))):
             raise InputError(
@@ -214,7 +213,6 @@ class AddedTasks(KeepsViews):
                 if not (np.isfinite(a.matrix).all() and np.isfinite(a.target).all())
             ]
             raise InputError(f"rows of {', '.join(bad)} must be finite", name="rows")
-        self.problem.check_rows(matrix)
         arrays["error"][:] = np.nan
         if frame is not None:
             frame = checks.vector("frame", frame, (self.problem.feet, 3, 3))
