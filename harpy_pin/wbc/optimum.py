@@ -159,7 +159,8 @@ def root_multiplier(n: NewtonRecord, found: bool, multiplier: Vector) -> None:
     With it the root's equations hold for the forces and the multipliers of limits at hand,
     whichever they are; where the root was ``found``, and there is no task of momentum, it is that.
     """
-    if found and np.max(n.momentum_weight) == 0.0:
+    without = np.max(n.momentum_weight) == 0.0
+    if found and without:
         multiplier[:] = n.multiplier[:6]
         return
     multiplier[:] = n.demand[:6] - n.force_map[:, :6].T @ n.force

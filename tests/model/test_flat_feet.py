@@ -3,7 +3,6 @@ dense algebra.
 """
 
 import json
-from dataclasses import replace
 
 import numpy as np
 import pinocchio as pin
@@ -242,28 +241,6 @@ def test_soles_of_humanoids_are_inside_their_geometry():
         assert (bottom.min(axis=0) <= corners.min(axis=0) + 1e-9).all()
         assert (bottom.max(axis=0) >= corners.max(axis=0) - 1e-9).all()
         assert cloud[:, 2].min() == pytest.approx(0.0, abs=1e-3)
-
-
-@needs_robots
-def test_limbs_that_are_none_are_refused_by_name():
-    g1 = hp.load_robot("g1")
-    points = hp.load_robot("g1", feet=CATALOGUE["g1"].feet)
-    with pytest.raises(
-        hp.InputError,
-        match=r"point foot must have 3 joints; that of 'left_sole' .* has 6: left_hip",
-    ):
-        CondensedSolver(points)
-    hands = ("left_wrist_yaw_link", "right_wrist_yaw_link")
-    on_hands = hp.load_robot("g1", feet=hands, flat_feet=dict.fromkeys(hands, SOLE))
-    with pytest.raises(
-        hp.InputError,
-        match=r"joint 'waist_yaw_joint' .* moves the feet 'left_wrist_yaw_link_0' and",
-    ):
-        CondensedSolver(on_hands)
-    with pytest.raises(
-        hp.InputError, match=r"have \(4, 1, 1, 1, 1\) contact points: all must be points"
-    ):
-        CondensedSolver(replace(g1, flat_feet=(4, 1, 1, 1, 1)))
 
 
 def dense_truth(robot, dynamics, v, torque, targets):

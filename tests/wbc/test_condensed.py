@@ -9,12 +9,12 @@ from itertools import pairwise
 import numpy as np
 import pinocchio as pin
 import pytest
-from forward_dynamics import constrained_dynamics, demand_of_centre
+from forward_dynamics import constrained_dynamics
 from walks import OWN_SEARCH, own_search, states_of, walked
 from whole_body_oracle import NV, ROBOT, WEIGHTS, wild_case
 
 import harpy_pin as hp
-from harpy_pin.wbc import WholeBodyLimits, make_problem, make_solver
+from harpy_pin.wbc import WholeBodyLimits
 from harpy_pin.wbc.condensed import CondensedSolver, CondensedStatus
 from reproduction.chattering import chattering
 
@@ -63,52 +63,6 @@ def test_promise_for_every_state_and_target(fuzz):
     # The states and targets reached what they were to reach.
     assert seen & CondensedStatus.THRUST_LIMITED
     assert seen & CondensedStatus.TORQUE_LIMITED
-
-
-@pytest.mark.parametrize("centred", [False, True])
-def test_forces_alone_have_the_optimum_but_where_an_input_is_limited(centred, fuzz):
-    """There what the formulation finds is possible, too, and costs more; elsewhere nothing is
-    different.
-    """
-    dynamics, rng, seen = hp.Dynamics(ROBOT), np.random.default_rng(2), [0, 0]
-    limits, inputs = WholeBodyLimits(mu=0.3, torque_scale=0.5, give_way=1.0), np.empty(12)
-    general, force = (
-        make_problem(name, ROBOT, WEIGHTS, limits) for name in ("input_space", "contact_force")
-    )
-    solvers = [make_solver("daqp", one.program) for one in (general, force)]
-    lower, upper = (bound[:12] for bound in (general.program.lower, general.program.upper))
-    for _ in range(500 * fuzz):
-        q, v, targets = wild_case(rng, spread=0.05)
-        dynamics.update(q, v)
-        if centred:
-            demand_of_centre(targets, dynamics)
-        for one in (general, force):
-            one.build(dynamics, v, dynamics.rotation, targets)
-        best, found = (
-            solver.solve(one.program) for solver, one in zip(solvers, (general, force), strict=True)
-        )
-        if not best.usable:
-            assert not found.usable or not targets.held.any()
-        if not best.usable or not targets.held.any():
-            continue
-        limited = bool(((best.z < lower + 1e-6) | (best.z > upper - 1e-6)).any())
-        assert found.usable or limited
-        if not found.usable:
-            continue
-        seen[limited] += 1
-        force.inputs(found.z, inputs)
-        assert general.program.violation(inputs) < 1e-5 * (1.0 + np.abs(inputs).max())
-        cost = general.program.objective(best.z)
-        assert general.program.objective(inputs) - cost > -1e-6 * (1.0 + abs(cost))
-        if not limited:
-            np.testing.assert_allclose(
-                inputs, best.z, rtol=0, atol=1e-6 * (1.0 + np.abs(best.z).max())
-            )
-            accelerations = force.acceleration(found.z), general.acceleration(best.z)
-            np.testing.assert_allclose(
-                *accelerations, rtol=0, atol=1e-6 * (1.0 + np.abs(accelerations[1]).max())
-            )
-    assert min(seen) > 20
 
 
 def the_way(dynamics, condensed, rng):
