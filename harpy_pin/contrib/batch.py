@@ -104,7 +104,7 @@ class CondensedBatch(KeepsViews):
     changes no other row.
 
     Args:
-        robot: each foot on a limb of its own.
+        robot: any, whose feet are points or soles, none of them on its base.
         n: how many robots.
         parameters: gains, weights and limits; by default those that fit the robot where it stands
             or hovers. There is no friction estimate here: give each robot its friction in ``mu``.

@@ -49,8 +49,6 @@ def walk(gait: Any, controller: str, *, duration: float = 0.8) -> hp.Run:
 @pytest.mark.parametrize("controller", ["condensed", "wbc"])
 def test_a_gait_of_three_members_stands_and_sways(name: str, controller: str) -> None:
     robot = hp.load_robot(name)
-    if name == "solo8" and controller == "condensed":
-        pytest.skip("its limbs have two joints")
     for kind in (
         ("stand", "sway") if robot.flat_feet or name == "solo8" else ("stand", "sway", "trot")
     ):
