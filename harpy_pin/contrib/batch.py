@@ -192,9 +192,7 @@ class CondensedBatch(KeepsViews):
         self.thrust = np.zeros((n, len(robot.thrusters), 3), self.dtype)
         self.force = np.zeros((n, feet, 3), self.dtype)
         self.status = np.zeros(n, dtype=np.int64)
-        ends = [
-            np.zeros((n, *size), np.int64) for size in ((feet,), (feet,), (joints,), (joints,), ())
-        ]
+        ends = [np.zeros((n, size), np.int64) for size in (feet, feet, joints, joints)]
         multiplier, target = np.zeros((n, joints)), np.zeros((n, *motors["target"].shape[1:]))
         self._memory = (*ends, np.zeros(n, np.int64), multiplier, np.zeros(n, np.int64), target)
         model = robot.model

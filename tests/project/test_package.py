@@ -143,18 +143,18 @@ def called_by(kernel):
 
 
 def test_the_condensed_tick_is_short():
-    """Its kernels, from the measured state to torques, stand in at most 16 files of four folders
-    and 2,900 lines.
+    """Its kernels, from the measured state to torques, stand in at most 20 files of four folders
+    and 3,700 lines.
     """
     modules = called_by(condensed_step)
     assert {module.split(".")[1] for module in modules} == {"controllers", "wbc", "model", "ground"}
     files = [ROOT / (module.replace(".", "/") + ".py") for module in modules]
-    assert len(files) <= 16
-    assert sum(len(file.read_text().splitlines()) for file in files) <= 2900
+    assert len(files) <= 20
+    assert sum(len(file.read_text().splitlines()) for file in files) <= 3700
 
 
 def test_the_condensed_optimum_is_closed_in_itself():
-    """The kernels of a solve call none outside ``wbc``, but for Cholesky factors and a check of
+    """The kernels of a solve call none outside ``wbc``, but for small mathematics and a check of
     numbers, and none of the whole-body QP.
     """
     others = {
@@ -163,7 +163,7 @@ def test_the_condensed_optimum_is_closed_in_itself():
         if not module.startswith("harpy_pin.wbc.condensed.")
     }
     search = {"cones", "giving_way", "newton", "optimum", "targets"}
-    model = {"harpy_pin.model.cholesky", "harpy_pin.model.terms"}
+    model = {f"harpy_pin.model.{name}" for name in ("cholesky", "terms", "vectors")}
     assert others == model | {f"harpy_pin.wbc.{name}" for name in search}
 
 

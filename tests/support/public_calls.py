@@ -293,6 +293,7 @@ def values() -> dict[str, Any]:
         **{"gaits.swing.left": 1.0, "gaits.swing.apex": 1.0},
         "load_robot.feet": robot.feet,
         "WholeBodyController.weight": 0.1,
+        "CondensedController.weight": 0.1,
         "wbc.AddedTasks.weight": 0.1,
         "walk.controller": None,
         "build.controller": None,

@@ -29,7 +29,7 @@ def same_optimum(robot, states, weights, limits, formulations, *, spread, most):
         targets.feet[:] = rng.standard_normal(targets.feet.shape)
         targets.force_range[:] = (0.5, most)
         dynamics.update(q, v)
-        found = law.solve(dynamics, v, dynamics.rotation, targets)
+        found = law.solve(dynamics, v, targets)
         for problem, solver in zip(problems, solvers, strict=True):
             problem.build(dynamics, v, dynamics.rotation, targets)
             assert solver.solve(problem.program).usable

@@ -414,7 +414,7 @@ def pieces() -> None:
     AngleRow().evaluate(x, w, h[:1], jacobian[:1])
     at = (Dynamics(robot), np.zeros(12), np.eye(3), WholeBodyTargets(robot))
     at[0].update(*hp.make_gait(robot).initial_state())
-    CondensedSolver(robot).solve(*at)
+    CondensedSolver(robot).solve(at[0], at[1], at[3])
     problem = make_problem("input_space", robot)
     problem.build(*at)
     z = np.zeros(len(problem.program.gradient))

@@ -317,9 +317,7 @@ def test_programs_of_other_sizes_are_refused(robot):
             problem.build(hp.Dynamics(robot), np.zeros(3), *arguments[1:])
     with pytest.raises(hp.InputError, match="targets must be of 'harpy'"):
         hp.wbc.condensed.CondensedSolver(robot).solve(
-            hp.Dynamics(robot), *arguments[:2], WholeBodyTargets(other)
+            hp.Dynamics(robot), arguments[0], WholeBodyTargets(other)
         )
     with pytest.raises(hp.InputError, match="v must have shape"):
-        hp.wbc.condensed.CondensedSolver(robot).solve(
-            hp.Dynamics(robot), np.zeros(3), *arguments[1:]
-        )
+        hp.wbc.condensed.CondensedSolver(robot).solve(hp.Dynamics(robot), np.zeros(3), arguments[2])
