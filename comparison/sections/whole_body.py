@@ -16,7 +16,7 @@ import pinocchio as pin
 
 import harpy_pin as hp
 from harpy_pin.model.state import State, Vector
-from harpy_pin.wbc.condensed.whole_body import AnyTask
+from harpy_pin.wbc.condensed.task_memory import AnyTask
 from harpy_pin.wbc.condensed.whole_body_solve import solve_whole_body
 
 STATES, BLOCKS = 200, 20

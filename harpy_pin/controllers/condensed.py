@@ -126,8 +126,8 @@ class CondensedController(TaskController):
             InputError: a task of another kind, unknown frames or joints, or weights out of their
                 domain.
         """
-        p, tasks = self.parameters, {**self.added, task: weight}
-        known_tasks([*tasks])
+        p = self.parameters
+        known_tasks([*self.added, task])
         alone = condensed_record(self.robot, p.weights, p.limits, tasks=[task])
         adopt_tasks({task: weight}, alone, alone["newton"])  # refused before anything is changed
         self._use({**{one: kept.copy() for one, kept in self.added.items()}, task: weight})
