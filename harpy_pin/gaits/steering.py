@@ -20,7 +20,7 @@ import numpy as np
 from harpy_pin.gaits.gait import LONGEST, GaitTargetRecord
 from harpy_pin.gaits.straight import support, world_frame_blend
 from harpy_pin.gaits.terrain_targets import nearest_steppable
-from harpy_pin.gaits.velocity import is_still, take_command
+from harpy_pin.gaits.velocity import is_still, move_path, take_command
 from harpy_pin.kernels import kernel
 from harpy_pin.model.state import Vector
 from harpy_pin.model.vectors import rotation_in_plane
@@ -94,13 +94,6 @@ def _steer(p: CommandedRecord, velocity: Vector, step: float) -> Vector:
 
 
 @kernel
-def _move(path: Vector, velocity: Vector, step: float) -> None:
-    """Place and heading of the path go on for a time at one velocity."""
-    path[:2] += step * (rotation_in_plane(path[2] + 0.5 * step * velocity[2]) @ velocity[:2])
-    path[2] += step * velocity[2]
-
-
-@kernel
 def _toward(
     place: float, velocity: float, goal: float, left: float, step: float
 ) -> tuple[float, float]:
@@ -120,7 +113,7 @@ def _step(p: CommandedRecord, step: float) -> None:
     """One short time step of the whole state."""
     u, rest = p.velocity, p.leftover
     new = _steer(p, u, step)
-    _move(p.path, 0.5 * (u + new), step)
+    move_path(p.path, 0.5 * (u + new), step)
     p.rate[:] = (new - u) / step
     u[:] = new
     rest[:2] = _toward(rest[0], rest[1], 0.0, rest[2], step)
@@ -195,7 +188,7 @@ def _plan(p: CommandedRecord, k: int, left: float) -> None:
     path, velocity = np.array(p.path), np.array(p.velocity)
     for _ in range(AHEAD):
         new = _steer(p, velocity, step)
-        _move(path, 0.5 * (velocity + new), step)
+        move_path(path, 0.5 * (velocity + new), step)
         velocity[:] = new
     away = (1.0 - 2.0 * k) * rotation_in_plane(path[2])[:, 1]  # from the path, on this foot's side
     place = path[:2] + p.width * away
