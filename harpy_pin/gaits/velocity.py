@@ -66,6 +66,7 @@ class FollowsVelocity(Gait):
     What it follows is in a :class:`VelocityRecord`.
     """
 
+    _record_: Records[Any]
     _followed: Records[VelocityRecord]
     command: Vector
     applied: Vector

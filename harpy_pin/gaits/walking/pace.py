@@ -12,7 +12,7 @@ from harpy_pin.errors import InputError
 from harpy_pin.gaits.fitting import GRAVITY
 from harpy_pin.gaits.velocity import warn_maker
 from harpy_pin.gaits.walking.build import Build
-from harpy_pin.gaits.walking.parameters import WalkingParameters
+from harpy_pin.gaits.walking.parameters import WalkingParameters, tuned_record
 from harpy_pin.gaits.walking.pendulum import upright_end
 from harpy_pin.gaits.walking.schedules import draw_together
 from harpy_pin.gaits.walking.swing_load import fastest_speed, holding_load, swing_load
@@ -81,10 +81,11 @@ def pace_of(
         most, limited_by = max_speed, "max_speed"
     else:
         omega, near = float(np.sqrt(GRAVITY / build.rise)), w.near if gentle else w.straight_near
+        tuned = tuned_record(w)
 
         def load(speed: float) -> float:
             lasts = shortened(speed)
-            upright = upright_end(w.record(), speed, omega * build.height, near)
+            upright = upright_end(tuned, speed, omega * build.height, near)
             pushed = max(push * speed / (lasts * w.free_push), 1.0) if runs else 1.0
             return pushed * swing_load(robot, q, build, speed, lasts, both, clearance, upright)
 

@@ -461,32 +461,30 @@ class WalkingParameters:
             checks.keep(self, **{one.name: value})
         checks.number("slippery", self.slippery, low=0.0, high=0.99 * self.firm)
 
-    @classmethod
-    def of(cls, given: WalkingParameters | Mapping[str, float] | None) -> WalkingParameters:
-        """What is given, or the defaults with the numbers that are given by name.
-
-        Raises:
-            InputError: an unknown name, or a number out of its domain.
-        """
-        if isinstance(given, cls):
-            return given
-        changes = {} if given is None else checks.mapping("parameters", given)
-        for name in changes:
-            checks.one_of("parameter", name, (one.name for one in fields(cls)))
-        return cls(**changes)
-
-    def record(self) -> Records[TunedRecord]:
-        """The numbers for kernels."""
-        return make_record(TunedRecord, **vars(self))
-
-    def changes(self) -> dict[str, float]:
-        """The numbers that are not the defaults, by name."""
-        return {
-            one.name: getattr(self, one.name)
-            for one in fields(self)
-            if getattr(self, one.name) != one.default
-        }
-
 
 class TunedRecord(RecordOf, WalkingParameters):
     """The numbers of :class:`WalkingParameters`."""
+
+
+def parameters_of(given: WalkingParameters | Mapping[str, Any] | None) -> WalkingParameters:
+    """The parameters that are given, or the defaults with the numbers that are given by name.
+
+    Raises:
+        InputError: an unknown name, or a number out of its domain.
+    """
+    if isinstance(given, WalkingParameters):
+        return given
+    changes = {} if given is None else checks.mapping("parameters", given)
+    for name in changes:
+        checks.one_of("parameter", name, (one.name for one in fields(WalkingParameters)))
+    return WalkingParameters(**changes)
+
+
+def changed(w: WalkingParameters) -> dict[str, float]:
+    """The numbers that are not the defaults, by name."""
+    return {one.name: n for one in fields(w) if (n := getattr(w, one.name)) != one.default}
+
+
+def tuned_record(w: WalkingParameters) -> Records[TunedRecord]:
+    """The numbers for kernels."""
+    return make_record(TunedRecord, **vars(w))

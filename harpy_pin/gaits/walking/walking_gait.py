@@ -19,7 +19,7 @@ from harpy_pin.gaits.walking.build import build_of
 from harpy_pin.gaits.walking.can_walk import why_no_walk
 from harpy_pin.gaits.walking.measuring import measure
 from harpy_pin.gaits.walking.pace import pace_of
-from harpy_pin.gaits.walking.parameters import WalkingParameters
+from harpy_pin.gaits.walking.parameters import WalkingParameters, changed, parameters_of
 from harpy_pin.gaits.walking.record import WalkingRecord, walking_record
 from harpy_pin.gaits.walking.schedules import BY_FEET, draw_together, groups_of
 from harpy_pin.gaits.walking.tick import advance
@@ -27,7 +27,7 @@ from harpy_pin.kernels.calls import Call
 from harpy_pin.model.entry import as_state
 from harpy_pin.model.legs import legs
 from harpy_pin.model.memory import fixed_arrays
-from harpy_pin.model.record import Records, field
+from harpy_pin.model.record import Record, Records, field
 from harpy_pin.model.robot import SOLE_JOINTS, Robot
 from harpy_pin.model.state import State, Vector
 
@@ -99,7 +99,7 @@ class WalkingGait(FollowsVelocity):
                 f"the gait needs two, four or six feet; '{robot.name}' has {feet}", name="robot"
             )
         super().__init__(robot)
-        self.parameters = w = WalkingParameters.of(parameters)
+        self.parameters = w = parameters_of(parameters)
         self.schedule = next(iter(BY_FEET[feet])) if schedule is None else schedule
         if self.schedule != "stand" and (why := why_no_walk(robot)):
             raise InputError(why, name="robot")
@@ -133,7 +133,8 @@ class WalkingGait(FollowsVelocity):
             max_speed=most,
             steps_at_rest=self.schedule == "step",
         )
-        self._measured, planned = self._record_["measured"], self._record_["planned"]
+        self._measured: Record = self._record_["measured"]
+        planned: Any = self._record_["planned"]
         self._chosen_speed = max_speed is not None
         self._firm = most, float(planned["max_aside"][0])  # largest speeds on firm ground
         self._follow(velocity, planned)
@@ -251,7 +252,7 @@ class WalkingGait(FollowsVelocity):
             "max_speed": self.max_speed,
             **{name: float(pace[name]) for name in ("clearance", "omega")},
             **{name: float(build[name]) for name in ("height", "reach")},
-            "parameters": self.parameters.changes(),
+            "parameters": changed(self.parameters),
             "command": self.command.tolist(),
             "script": [[t, *command.tolist()] for t, command in self.script],
         }
