@@ -1,5 +1,9 @@
 """A walk that follows a velocity command: forward, sideways and turning, which may change at any
 time.
+
+It is no :class:`~harpy_pin.gaits.walking.WalkingGait` with Harpy's numbers, because Harpy's
+thrusters carry its body along the path by the clock, where that one steps as a body without
+thrusters has to, and slips several times as far at friction 0.25.
 """
 
 from __future__ import annotations

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import ast
-from dataclasses import fields, replace
+import inspect
+import re
+from dataclasses import replace
 from math import inf, nan
 from pathlib import Path
 
@@ -16,9 +18,11 @@ from walks import made_state
 
 import harpy_pin as hp
 from harpy_pin.gaits import WalkingParameters, walking
+from harpy_pin.gaits.walking.parameters import DOMAINS
 
-FIELDS = {one.name: one for one in fields(WalkingParameters)}
-FACTORS = st.dictionaries(st.sampled_from(sorted(FIELDS)), st.floats(0.8, 1.2), max_size=20)
+DEFAULTS = vars(WalkingParameters())
+SOURCES = set(["choice", "bound", "walks", "fast", "landing", "points", "soles", "pushed", "slippery", "stairs", "unknown"])
+FACTORS = st.dictionaries(st.sampled_from(sorted(DEFAULTS)), st.floats(0.8, 1.2), max_size=20)
 
 
 def heights(gait, duration=1.2, h=1e-3):
@@ -37,16 +41,21 @@ def heights(gait, duration=1.2, h=1e-3):
     return np.array(found)
 
 
-@pytest.mark.parametrize("name", FIELDS)
-def test_a_number_says_what_it_is_and_is_refused_beyond_its_domain(name):
-    said = FIELDS[name].metadata
-    assert said["meaning"]
-    assert said["source"]
-    beyond = (nan, inf, -1.0, "x", None) + ((1.01 * said["high"],) if said["high"] < inf else ())
-    for value in (*beyond, *(() if said["zero"] else (0.0,))):
-        with pytest.raises(hp.InputError, match=f"^{name} must be"):
-            WalkingParameters(**{name: value})
-        with pytest.raises(hp.InputError, match=f"^{name} must be"):
+def test_a_number_says_what_it_is():
+    """Its unit and its source, after what it means."""
+    text = inspect.cleandoc(WalkingParameters.__doc__ or "")
+    entries = text.partition("Attributes:")[2].partition("Raises:")[0]
+    said = re.findall(r"(\w+): ([^\[\]]+) \[([^;\]]+);\s+(\w+)\]\.\n", entries)
+    assert [name for name, *_ in said] == [*DEFAULTS]
+    assert {source for *_, source in said} <= SOURCES
+
+
+@pytest.mark.parametrize("name", DOMAINS)
+def test_a_number_is_refused_beyond_its_domain(name):
+    high, zero = DOMAINS[name]
+    beyond = (nan, inf, -1.0, "x", None, *((1.01 * high,) if high < inf else ()))
+    for value in (*beyond, *(() if zero else (0.0,))):
+        with pytest.raises(hp.InputError, match=rf"^{name} must be"):
             replace(WalkingParameters(), **{name: value})
 
 
@@ -59,7 +68,7 @@ def test_every_number_is_read_by_the_walk():
                 read |= {node.attr} if owner == "w" or owner.endswith(".tuned") else set()
             elif isinstance(node, ast.Subscript) and isinstance(node.slice, ast.Constant):
                 read |= {node.slice.value} if ast.unparse(node.value) == "w" else set()
-    assert set(FIELDS) <= read
+    assert set(DEFAULTS) <= read
 
 
 @needs_robots
@@ -92,8 +101,7 @@ def test_a_foot_rises_by_the_clearance(clearance):
 @settings(max_examples=15, deadline=None)
 def test_targets_are_finite_whatever_the_numbers(factors):
     changes = {
-        name: min(factor * FIELDS[name].default, FIELDS[name].metadata["high"])
-        for name, factor in factors.items()
+        name: min(factor * DEFAULTS[name], DOMAINS[name].high) for name, factor in factors.items()
     }
     for robot in ("solo12", "bolt"):
         heights(hp.WalkingGait(hp.load_robot(robot), parameters=changes), duration=0.6)

@@ -100,6 +100,9 @@ class WalkingGait(FollowsVelocity):
             )
         super().__init__(robot)
         self.parameters = w = parameters_of(parameters)
+        self._standing = Standing(robot, posture)
+        q, v = self._standing.initial_state()
+        self._build = build = build_of(robot, q, w)
         self.schedule = next(iter(BY_FEET[feet])) if schedule is None else schedule
         if self.schedule != "stand" and (why := why_no_walk(robot)):
             raise InputError(why, name="robot")
@@ -109,9 +112,6 @@ class WalkingGait(FollowsVelocity):
                 f"'{robot.name}' has points as feet on legs of {most_joints} joints: flat_feet "
                 f"makes them soles"
             )
-        self._standing = Standing(robot, posture)
-        q, v = self._standing.initial_state()
-        self._build = build = build_of(robot, q, w)
         self._group = groups_of(self.schedule, build.place[:, :2] - build.place[:, :2].mean(axis=0))
         if clearance is None:
             clearance = w.clearance * build.leg
