@@ -144,15 +144,10 @@ class CommandedGait(FollowsVelocity):
             terrain=flat_terrain(),
         )
         self._state = self._record_[0]
-        self._follow(velocity, self._record_)
+        self._follow(velocity, self._record_, self._record_)
         restart.prepare(self._record_)
         advance.prepare(0.0, self._record_, self.target._record_)
         self._begin()
-
-    @property
-    def walking(self) -> bool:
-        """Whether it steps; otherwise it stands."""
-        return bool(self._state["walking"])
 
     def __repr__(self) -> str:
         return f"{type(self).__name__}('{self.robot.name}')"

@@ -6,7 +6,6 @@ from __future__ import annotations
 
 import sys
 import warnings
-from abc import abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from math import inf
 from typing import Any
@@ -68,16 +67,19 @@ class FollowsVelocity(Gait):
 
     _record_: Records[Any]
     _followed: Records[VelocityRecord]
+    _steps: Records[Any]
     command: Vector
     applied: Vector
     script: Script
     limited_by = ""
 
-    def _follow(self, velocity: Velocity, record: Records[VelocityRecord]) -> None:
+    def _follow(
+        self, velocity: Velocity, record: Records[VelocityRecord], steps: Records[Any]
+    ) -> None:
         """Take what is to be followed; warn, in one line, of the first command beyond the limits of
-        its record.
+        its record. The record of the steps has ``walking``.
         """
-        self._followed = record
+        self._followed, self._steps = record, steps
         self._given: Vector = field(record, "command")
         self._given[:], self.script, self._function = read_velocity(velocity, len(self._given))
         self.command = self._given if self._function is None else read_only(self._given)
@@ -101,9 +103,9 @@ class FollowsVelocity(Gait):
                 break
 
     @property
-    @abstractmethod
     def walking(self) -> bool:
         """Whether it steps; otherwise it stands."""
+        return bool(self._steps["walking"][0])
 
     @property
     def refused(self) -> int:

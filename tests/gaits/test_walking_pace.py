@@ -18,9 +18,10 @@ import harpy_pin as hp
 from harpy_pin.gaits.walking import WalkingParameters
 from harpy_pin.gaits.walking.build import build_of
 from harpy_pin.gaits.walking.footholds import _keep_in_reach
-from harpy_pin.gaits.walking.parameters import tuned_record
+from harpy_pin.gaits.walking.parameters import TunedRecord
 from harpy_pin.gaits.walking.pendulum import upright_end
 from harpy_pin.gaits.walking.swing_load import fastest_speed, swing_load
+from harpy_pin.model.record import make_record
 
 TUNED = WalkingParameters()
 
@@ -123,7 +124,7 @@ def test_anymal_b_bounds_as_fast_as_its_legs_reach():
 def test_a_foot_is_slow_when_it_is_near_the_ground(speed, near, low, height):
     # A trot with steps of 1 s: a foot goes two steps' way in a swing of 0.95 s, by the motion of
     # least jerk.
-    end, swing = upright_end(tuned_record(TUNED), speed, 1.0, near), 0.95
+    end, swing = upright_end(make_record(TunedRecord, **vars(TUNED)), speed, 1.0, near), 0.95
     assert end >= TUNED.upright_end
     settle = TUNED.settle
     glide = (

@@ -21,7 +21,21 @@ from harpy_pin.gaits import WalkingParameters, walking
 from harpy_pin.gaits.walking.parameters import DOMAINS
 
 DEFAULTS = vars(WalkingParameters())
-SOURCES = set(["choice", "bound", "walks", "fast", "landing", "points", "soles", "pushed", "slippery", "stairs", "unknown"])
+SOURCES = set(
+    [
+        "choice",
+        "bound",
+        "walks",
+        "fast",
+        "landing",
+        "points",
+        "soles",
+        "pushed",
+        "slippery",
+        "stairs",
+        "unknown",
+    ]
+)
 FACTORS = st.dictionaries(st.sampled_from(sorted(DEFAULTS)), st.floats(0.8, 1.2), max_size=20)
 
 

@@ -46,7 +46,8 @@ def go_on(p: WalkingRecord, span: float) -> None:
             _feel_ground(p, k, span)
     if not s.walking:
         pushed = _beside_feet(p) > w.outside * p.build.height
-        if pace.groups == 1 or not (pushed or pace.always or _commanded(p)):
+        commanded = np.sum(abs(p.planned.goal[:3])) != 0.0
+        if pace.groups == 1 or not (pushed or pace.always or commanded):
             return
         s.walking, s.made = 1, 0
         plan_step(p)
@@ -237,17 +238,9 @@ def _feet_in_place(p: WalkingRecord) -> bool:
 
 
 @kernel
-def _commanded(p: WalkingRecord) -> bool:
-    """Whether a velocity is commanded."""
-    size: float = np.sum(abs(p.planned.goal[:3]))
-    return size != 0.0
-
-
-@kernel
 def _beside_feet(p: WalkingRecord) -> float:
     """How far the capture point is outside of the stance feet, m."""
-    m = p.measured
-    points = np.empty((p.measured.point.shape[0], 2))
+    m, points = p.measured, np.empty((p.measured.point.shape[0], 2))
     count = stance_points(p, -1, 0.0, points)
     if count == 0:
         return 0.0

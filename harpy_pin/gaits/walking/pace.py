@@ -12,10 +12,11 @@ from harpy_pin.errors import InputError
 from harpy_pin.gaits.fitting import GRAVITY
 from harpy_pin.gaits.velocity import warn_maker
 from harpy_pin.gaits.walking.build import Build
-from harpy_pin.gaits.walking.parameters import WalkingParameters, tuned_record
+from harpy_pin.gaits.walking.parameters import TunedRecord, WalkingParameters
 from harpy_pin.gaits.walking.pendulum import upright_end
 from harpy_pin.gaits.walking.schedules import draw_together
 from harpy_pin.gaits.walking.swing_load import fastest_speed, holding_load, swing_load
+from harpy_pin.model.record import make_record
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
 
@@ -81,7 +82,7 @@ def pace_of(
         most, limited_by = max_speed, "max_speed"
     else:
         omega, near = float(np.sqrt(GRAVITY / build.rise)), w.near if gentle else w.straight_near
-        tuned = tuned_record(w)
+        tuned = make_record(TunedRecord, **vars(w))
 
         def load(speed: float) -> float:
             lasts = shortened(speed)

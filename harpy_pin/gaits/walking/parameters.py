@@ -11,7 +11,7 @@ from math import inf
 from typing import Annotated, Any, NamedTuple, get_type_hints
 
 from harpy_pin import checks
-from harpy_pin.model.record import RecordOf, Records, make_record
+from harpy_pin.model.record import RecordOf
 
 
 class Range(NamedTuple):
@@ -376,8 +376,3 @@ def parameters_of(given: WalkingParameters | Mapping[str, Any] | None) -> Walkin
 def changed(w: WalkingParameters) -> dict[str, float]:
     """The numbers that are not the defaults, by name."""
     return {one.name: n for one in fields(w) if (n := getattr(w, one.name)) != one.default}
-
-
-def tuned_record(w: WalkingParameters) -> Records[TunedRecord]:
-    """The numbers for kernels."""
-    return make_record(TunedRecord, **vars(w))

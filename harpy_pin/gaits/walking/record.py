@@ -13,7 +13,7 @@ from harpy_pin.gaits.fitting import GRAVITY
 from harpy_pin.gaits.velocity import VelocityRecord
 from harpy_pin.gaits.walking.build import Build
 from harpy_pin.gaits.walking.pace import Pace
-from harpy_pin.gaits.walking.parameters import TunedRecord, WalkingParameters, tuned_record
+from harpy_pin.gaits.walking.parameters import TunedRecord, WalkingParameters
 from harpy_pin.gaits.walking.rolling import soles_of
 from harpy_pin.gaits.walking.schedules import draw_together
 from harpy_pin.ground.surface import TerrainRecord, flat_terrain
@@ -197,7 +197,7 @@ def walking_record(
     near = (w.near if pace.gentle else w.straight_near) if feet > 2 else 0.0
     return make_record(
         WalkingRecord,
-        tuned=tuned_record(w),
+        tuned=make_record(TunedRecord, **vars(w)),
         build=_build_record(robot, build, build.reach if not balances else w.steepest * build.rise),
         pace=make_record(
             PaceRecord,

@@ -91,12 +91,6 @@ def _sticks(p: WalkingRecord, k: int, left: float, upright: float) -> bool:
 
 
 @kernel
-def _step_up(p: WalkingRecord, k: int) -> float:
-    """How much higher than below a foot the ground is that any foot has met, m."""
-    return float(np.max(p.steps.felt) - p.steps.felt[k])
-
-
-@kernel
 def _lift(p: WalkingRecord, k: int, u: float, duration: float, span: float) -> None:
     """Height of a foot that has done the share u of its swing."""
     z, rate, settle = p.swing.lift[k], p.steps.haste / duration, p.tuned.settle
@@ -111,7 +105,9 @@ def _lift(p: WalkingRecord, k: int, u: float, duration: float, span: float) -> N
         z[2] = -2.0 * deeper * rate**2
         return
     u, rate = max(u / settle, 0.0), rate / settle
-    w, down, up = 1.0 - u, felt + low - begin, 64.0 * (p.pace.clearance + _step_up(p, k))
+    # Any foot may have met higher ground than the one below this foot.
+    up = 64.0 * (p.pace.clearance + (np.max(p.steps.felt) - felt))
+    w, down = 1.0 - u, felt + low - begin
     glide = low * settle / (1.0 - settle)
     z[0] = begin + up * (u * w) ** 3 + down * u * u * u * (10.0 - 15.0 * u + 6.0 * u * u)
     z[0] += glide * u * u * u * (4.0 - 7.0 * u + 3.0 * u * u)

@@ -27,7 +27,7 @@ from harpy_pin.kernels.calls import Call
 from harpy_pin.model.entry import as_state
 from harpy_pin.model.legs import legs
 from harpy_pin.model.memory import fixed_arrays
-from harpy_pin.model.record import Record, Records, field
+from harpy_pin.model.record import Records, field
 from harpy_pin.model.robot import SOLE_JOINTS, Robot
 from harpy_pin.model.state import State, Vector
 
@@ -133,11 +133,11 @@ class WalkingGait(FollowsVelocity):
             max_speed=most,
             steps_at_rest=self.schedule == "step",
         )
-        self._measured: Record = self._record_["measured"]
-        planned: Any = self._record_["planned"]
+        parts: Any = self._record_
+        self._measured, planned, steps = (parts[n] for n in ("measured", "planned", "steps"))
         self._chosen_speed = max_speed is not None
         self._firm = most, float(planned["max_aside"][0])  # largest speeds on firm ground
-        self._follow(velocity, planned)
+        self._follow(velocity, planned, steps)
         self.controller_parameters = fitting_parameters(robot, leg=build.leg, rise=build.rise)
         self._begin()
         measure.prepare(self._record_, q, v, np.zeros((len(robot.feet), 3)))
@@ -157,11 +157,6 @@ class WalkingGait(FollowsVelocity):
     def max_aside(self) -> float:
         """Largest velocity sideways, m/s."""
         return float(min(self._followed["max_speed"][0], self._followed["max_aside"][0]))
-
-    @property
-    def walking(self) -> bool:
-        """Whether it steps; otherwise it stands."""
-        return bool(self._record_["steps"]["walking"][0])
 
     def expect_friction(self, mu: float) -> None:
         """See :meth:`~harpy_pin.gaits.gait.Gait.expect_friction`.
