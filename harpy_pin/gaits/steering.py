@@ -28,20 +28,12 @@ from harpy_pin.model.vectors import rotation_in_plane
 if TYPE_CHECKING:
     from harpy_pin.gaits.commanded import CommandedRecord
 
-MAX_TURN = 1.0
-"""Largest turning velocity, rad/s."""
-FEET_APART = 0.1
-"""Least distance to the side between a foothold and the other foot, m."""
 LONGEST_GAP = 1e3
 """Longest time from one update to the next, s."""
 FINEST = 5e-3
 """Longest time that is stepped at once, s: longer ones are divided."""
-FROZEN = 0.75
-"""Share of a swing after which the foothold stays where it is."""
 AHEAD = 8
 """Parts in which the path to the next stance is predicted."""
-SETTLED = 5e-3
-"""How far a foot may be from where it stands, for the walk to end, m."""
 
 
 @kernel
@@ -145,7 +137,7 @@ def _feet_settled(p: CommandedRecord) -> bool:
         place = p.path[:2] + p.width * (1.0 - 2.0 * k) * left
         if not p.terrain.level:
             place[:] = nearest_steppable(p.terrain, *place, *p.foot[k])
-        if np.hypot(*(p.foot[k] - place)) > SETTLED:
+        if np.hypot(*(p.foot[k] - place)) > p.settled:
             return False
     return True
 
@@ -172,7 +164,7 @@ def _follow(p: CommandedRecord, k: int) -> None:
         p.in_air[k] = 1.0
         p.left[k] = swing
     now = swing * (1.0 - done)
-    if done < FROZEN:
+    if done < p.frozen:
         _plan(p, k, now)
     for i in range(2):
         foot[i], velocity[i] = _toward(foot[i], velocity[i], hold[i], p.left[k], p.left[k] - now)
@@ -193,8 +185,8 @@ def _plan(p: CommandedRecord, k: int, left: float) -> None:
     away = (1.0 - 2.0 * k) * rotation_in_plane(path[2])[:, 1]  # from the path, on this foot's side
     place = path[:2] + p.width * away
     gap = (place - p.foot[1 - k]) @ away
-    if gap < FEET_APART:
-        place += (FEET_APART - gap) * away
+    if gap < p.feet_apart:
+        place += (p.feet_apart - gap) * away
     if not p.terrain.level:
         place[:] = nearest_steppable(p.terrain, *place, *p.foothold[k])
     p.foothold[k] = place

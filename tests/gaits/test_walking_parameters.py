@@ -67,8 +67,7 @@ def test_a_number_says_what_it_is():
 @pytest.mark.parametrize("name", DOMAINS)
 def test_a_number_is_refused_beyond_its_domain(name):
     high, zero = DOMAINS[name]
-    beyond = (nan, inf, -1.0, "x", None, *((1.01 * high,) if high < inf else ()))
-    for value in (*beyond, *(() if zero else (0.0,))):
+    for value in (nan, inf, -1.0, "x", None, 1.01 * high, *(() if zero else (0.0,))):
         with pytest.raises(hp.InputError, match=rf"^{name} must be"):
             replace(WalkingParameters(), **{name: value})
 

@@ -63,16 +63,9 @@ def _along_cycle(p: WalkingRecord, pressure: Vector) -> Vector:
     Along the line between two point feet the one that the velocity asks for, ``pressure``, has the
     say.
     """
-    m, s, soles, omega, g = (
-        p.measured,
-        p.steps,
-        p.build.soles,
-        p.pace.omega,
-        (p.steps.swings + 1) % 2,
-    )
-    jump = rotation_in_plane(p.planned.path[2]) @ (
-        p.footholds.middle[s.swings] - p.footholds.middle[g]
-    )
+    m, s, soles, omega = p.measured, p.steps, p.build.soles, p.pace.omega
+    landing, g = p.footholds.middle, (s.swings + 1) % 2
+    jump = rotation_in_plane(p.planned.path[2]) @ (landing[s.swings] - landing[g])
     duration, passed, share = real_duration(p), s.phase * s.duration, 1.0
     growth, now = np.exp(omega * duration), np.exp(omega * s.duration * min(s.phase, 1.0))
     if soles:

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
-from math import inf
 from typing import Annotated, Any, NamedTuple, get_type_hints
 
 from harpy_pin import checks
@@ -17,7 +16,7 @@ from harpy_pin.model.record import RecordOf
 class Range(NamedTuple):
     """What a number may be: at most ``high``, and above zero or at it."""
 
-    high: float = inf
+    high: float = 1e6
     zero: bool = False
 
 
@@ -25,7 +24,7 @@ Positive = Annotated[float, Range()]
 NotNegative = Annotated[float, Range(zero=True)]
 Share = Annotated[float, Range(1.0)]
 ShareOrNone = Annotated[float, Range(1.0, zero=True)]
-Part = Annotated[float, Range(0.9)]
+Part = Annotated[float, Range(0.99)]
 """A share that leaves something."""
 
 

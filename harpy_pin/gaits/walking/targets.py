@@ -75,8 +75,8 @@ def _body_acceleration(p: WalkingRecord) -> Vector:
             rest -= reaction @ np.array([*(axes.T @ held[k, :2]), held[k, 3]])
             whole -= reaction[:, :2]
     (xx, xy), (yx, yy) = whole[0], whole[1]
-    adjugate = np.array([yy * rest[0] - xy * rest[1], xx * rest[1] - yx * rest[0]])
-    body: Vector = axes @ adjugate / (xx * yy - xy * yx)
+    minors = np.array([yy * rest[0] - xy * rest[1], xx * rest[1] - yx * rest[0]])
+    body: Vector = axes @ minors / (xx * yy - xy * yx)  # by Cramer's rule
     return body
 
 
@@ -84,12 +84,8 @@ def _body_acceleration(p: WalkingRecord) -> Vector:
 def _write_swing(p: WalkingRecord, o: GaitTargetRecord, n: int) -> None:
     """A contact point of a swing foot."""
     k, s = p.build.foot[n], p.steps
-    place, velocity, lift, held = (
-        p.swing.motion[k, 0],
-        p.swing.motion[k, 1],
-        p.swing.lift[k],
-        p.swing.held[k],
-    )
+    place, velocity = p.swing.motion[k, 0], p.swing.motion[k, 1]
+    lift, held = p.swing.lift[k], p.swing.held[k]
     (x, y), turn, bend = rotation_in_plane(place[2]) @ p.build.corner[n], velocity[2], held[2]
     arm, across = np.array([x, y, 0.0]), np.array([-y, x, 0.0])
     o.foot_position[n] = np.array([*place[:2], lift[0]]) + arm
