@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from harpy_pin.gaits.fitting import GRAVITY
 from harpy_pin.gaits.walking.parameters import WalkingParameters
+from harpy_pin.gaits.walking.rolling import soles_of
 from harpy_pin.model.legs import legs
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
@@ -40,6 +41,13 @@ class Build:
     knee: float
     narrow: float  # largest distance of the two groups of feet between which the body sways, m
     sole: Vector  # (2,) length and width of the largest sole; zero of points, m
+    point_body: NDArray[np.int64]  # (points,) the body to which each contact point is fixed
+    point_offset: Vector  # (points, 3) its place there, m
+    corner: Vector  # (points, 2) its place about the foot's middle, axes of the foot, m
+    own: Vector  # (points, 2) the same in the axes of its sole, m
+    askew: Vector  # (feet,) how far these axes are turned to the left of those of the foot, rad
+    facing: float  # yaw of the direction in which the robot faces, about its base's axes, rad
+    soles: bool  # whether feet are flat
 
 
 def build_of(robot: Robot, q: Vector, w: WalkingParameters) -> Build:
@@ -72,6 +80,9 @@ def build_of(robot: Robot, q: Vector, w: WalkingParameters) -> Build:
     reach = float(np.sqrt(max((stretched * length) ** 2 - (hip - lower) ** 2, 0.0)))
     rise = float(centre[2] - point[:, 2].min()) - lower
     reaction, turning = _reactions(robot, q, rise)
+    frames = [model.frames[robot.frame_id(name)] for name in robot.feet]
+    corner = (point - place[foot])[:, :2]
+    own, askew = soles_of(corner, foot)
     sides = np.array([np.ptp(point[foot == k, :2], axis=0) for k in range(len(place))])
     inner = w.sole_narrow * rise + 2.0 * w.inner * float(sides[:, 1].min())
     moment = 0.5 * length * float(np.sqrt(1.0 - w.sole_hip_height**2)) * robot.mass * GRAVITY
@@ -91,6 +102,13 @@ def build_of(robot: Robot, q: Vector, w: WalkingParameters) -> Build:
         knee=moment / min(knees) if soles else 0.0,
         narrow=inner if soles else w.narrow * rise,
         sole=sides.max(axis=0),
+        point_body=np.array([frame.parentJoint - 1 for frame in frames], dtype=np.int64),
+        point_offset=np.array([frame.placement.translation for frame in frames]),
+        corner=corner,
+        own=own,
+        askew=askew,
+        facing=robot.facing,
+        soles=soles,
     )
 
 

@@ -58,7 +58,7 @@ def pace_of(
     This is what legs and motors can do, where none is given: what holds the robot in mid-step, and
     swings the other legs, and how far feet reach. An :class:`InputError` says that it is zero.
     """
-    groups, feet, soles = int(group.max()) + 1, len(build.place), bool(robot.flat_feet)
+    groups, feet, soles = int(group.max()) + 1, len(build.place), build.soles
     natural, runs = float(np.sqrt(build.leg / GRAVITY)), groups == 2 and feet > 2
     gentle = runs and not soles and not _one_behind_the_other(build, group)
     if soles:

@@ -14,7 +14,6 @@ from harpy_pin.gaits.velocity import VelocityRecord
 from harpy_pin.gaits.walking.build import Build
 from harpy_pin.gaits.walking.pace import Pace
 from harpy_pin.gaits.walking.parameters import TunedRecord, WalkingParameters
-from harpy_pin.gaits.walking.rolling import soles_of
 from harpy_pin.gaits.walking.schedules import draw_together
 from harpy_pin.ground.surface import TerrainRecord, flat_terrain
 from harpy_pin.model.record import ZERO, RecordOf, Records, make_record, sized
@@ -24,15 +23,7 @@ from harpy_pin.model.tree import TreeRecord, tree_record
 
 
 class BuildRecord(RecordOf, Build):
-    """The numbers of :class:`Build`, and where contact points are."""
-
-    point_body: NDArray[np.int64]  # (points,) the body to which each contact point is fixed
-    point_offset: Vector  # (points, 3) its place there, m
-    corner: Vector  # (points, 2) its place about the foot's middle, axes of the foot, m
-    own: Vector  # (points, 2) the same in the axes of its sole, m
-    askew: Vector  # (feet,) how far these axes are turned to the left of those of the foot, rad
-    facing: float  # yaw of the direction in which the robot faces, about its base's axes, rad
-    soles: int  # 1 where feet are flat
+    """The numbers of :class:`Build`."""
 
 
 class PaceRecord(RecordOf, Pace):
@@ -181,7 +172,7 @@ def walking_record(
     steps_at_rest: bool,
 ) -> Records[WalkingRecord]:
     """The record of a robot that stands, and steps at zero command where that is said."""
-    feet, groups, soles = len(build.place), int(group.max()) + 1, bool(robot.flat_feet)
+    feet, groups, soles = len(build.place), int(group.max()) + 1, build.soles
     sizes = {"feet": feet, "points": len(robot.feet), "entries": 4}
     omega, leg, usual = float(np.sqrt(GRAVITY / build.rise)), build.leg, pace.usual_step
     balances = feet == 2 and not soles and groups == 2
@@ -194,11 +185,13 @@ def walking_record(
     elif feet == 2 and groups == 2:
         max_aside = w.sole_aside * float(np.sqrt(GRAVITY * leg))
         aside = w.sole_shift * float(np.expm1(omega * usual)) / usual**2
+    # On two points the friction bounds the way of a foot, too: a pendulum needs as much.
+    reach = min(build.reach, w.steepest * build.rise) if balances else build.reach
     near = (w.near if pace.gentle else w.straight_near) if feet > 2 else 0.0
     return make_record(
         WalkingRecord,
         tuned=make_record(TunedRecord, **vars(w)),
-        build=_build_record(robot, build, build.reach if not balances else w.steepest * build.rise),
+        build=make_record(BuildRecord, **{**vars(build), "reach": reach}),
         pace=make_record(
             PaceRecord,
             **vars(pace),
@@ -243,22 +236,4 @@ def walking_record(
         footholds=make_record(FootholdsRecord, sizes, middle=middle),
         swing=make_record(SwingRecord, sizes),
         demand=make_record(DemandRecord),
-    )
-
-
-def _build_record(robot: Robot, build: Build, reach: float) -> Records[BuildRecord]:
-    """The record of a build of which no foot goes farther than ``reach``, m."""
-    frames = [robot.model.frames[robot.frame_id(name)] for name in robot.feet]
-    corner = (build.point - build.place[build.foot])[:, :2]
-    own, askew = soles_of(corner, build.foot)
-    return make_record(
-        BuildRecord,
-        **{**vars(build), "reach": min(build.reach, reach)},
-        point_body=np.array([frame.parentJoint - 1 for frame in frames], dtype=np.int64),
-        point_offset=np.array([frame.placement.translation for frame in frames]),
-        corner=corner,
-        own=own,
-        askew=askew,
-        facing=robot.facing,
-        soles=np.int64(bool(robot.flat_feet)),
     )
