@@ -98,9 +98,9 @@ class CommandedGait(FollowsVelocity):
 
     The velocity that is applied follows the command at bounded acceleration. A command is scaled
     down as a whole where its velocity is above :attr:`most_speed` (turning counts by ``width``:
-    \\|v\\| + \\|ω\\| width), sideways above :attr:`most_sideways`, or its turning above 1 rad/s.
-    One that holds NaN or infinity is ignored: the last finite one is kept, and :attr:`refused`
-    counts the updates.
+    \\|v\\| + \\|ω\\| width), sideways above :attr:`most_sideways`, or its turning above
+    ``max_turn``. One that holds NaN or infinity is ignored: the last finite one is kept, and
+    :attr:`refused` counts the updates.
 
     It is a gait with memory, for one controller, in one thread: :meth:`update` goes on from the
     last time to the next. Time zero, or one that is more than a step before the last, begins the
@@ -119,7 +119,7 @@ class CommandedGait(FollowsVelocity):
         applied: (3,) the velocity that is applied; read only.
         record: all that the walk remembers, for kernels.
         most_speed: m/s; what the legs reach, see :meth:`_speeds`.
-        most_sideways: m/s; faster, a foot would land closer than 0.1 m to the other.
+        most_sideways: m/s; faster, a foot would land closer than ``feet_apart`` to the other.
 
     Raises:
         InputError: the robot is no biped, the velocity is none, or the legs do not reach so far as
