@@ -80,6 +80,7 @@ class FollowsVelocity(Gait):
         its record. The record of the steps has ``walking``.
         """
         self._followed, self._steps = record, steps
+        self._switch: Vector = record["switch"]
         self._given: Vector = field(record, "command")
         self._given[:], self.script, self._function = read_velocity(velocity, len(self._given))
         self.command = self._given if self._function is None else read_only(self._given)
@@ -115,7 +116,7 @@ class FollowsVelocity(Gait):
     def _begin(self) -> None:
         """Go back to before the first row of the script."""
         self._row = 0
-        self._followed["switch"] = self.script[0][0] if self.script else inf
+        self._switch[0] = self.script[0][0] if self.script else inf
         if self.script:
             self.command[:] = 0.0
 
@@ -123,9 +124,7 @@ class FollowsVelocity(Gait):
         """Command what the next row of the script says."""
         self.command[:] = self.script[self._row][1]
         self._row += 1
-        self._followed["switch"] = (
-            self.script[self._row][0] if self._row < len(self.script) else inf
-        )
+        self._switch[0] = self.script[self._row][0] if self._row < len(self.script) else inf
 
     def _ask_function(self, t: float) -> None:
         """Command what the function says, if there is one; an entry that is not finite is later

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from harpy_pin import checks
 from harpy_pin.arguments import checked
@@ -134,10 +134,12 @@ class WalkingGait(FollowsVelocity):
             steps_at_rest=self.schedule == "step",
         )
         parts: Any = self._record_
-        self._measured, planned, steps = (parts[n] for n in ("measured", "planned", "steps"))
+        self._seen: NDArray[np.int64] = parts["measured"]["seen"]
+        self._time: Vector = parts["time"]
         self._chosen_speed = max_speed is not None
-        self._firm = most, float(planned["max_aside"][0])  # largest speeds on firm ground
-        self._follow(velocity, planned, steps)
+        self._follow(velocity, parts["planned"], parts["steps"])
+        # Largest speeds on firm ground
+        self._firm = most, float(self._followed["max_aside"][0])
         self.controller_parameters = fitting_parameters(robot, leg=build.leg, rise=build.rise)
         self._begin()
         measure.prepare(self._record_, q, v, np.zeros((len(robot.feet), 3)))
@@ -206,7 +208,7 @@ class WalkingGait(FollowsVelocity):
             InputError: t is not finite or beyond 1e9 s, or the velocity's function returned no
                 command.
         """
-        if not self._measured["seen"][0]:
+        if not self._seen[0]:
             message = (
                 "hp.WalkingGait needs the measured state: call observe(state) before update(t)"
             )
@@ -215,9 +217,9 @@ class WalkingGait(FollowsVelocity):
             t = checks.number("t", t)
         if not abs(t) < LONGEST:
             raise refuse_time(t)
-        if t <= 0.0 or t < float(self._record_["time"][0]) - self.step_duration:
+        if t <= 0.0 or t < self._time[0] - self.step_duration:
             self._begin()
-        while t >= self._followed["switch"][0]:
+        while t >= self._switch[0]:
             self._take_row()
         self._ask_function(t)
         advance(float(t), self._record_, self.target._record_)
@@ -262,7 +264,7 @@ class WalkingGait(FollowsVelocity):
             "applied_velocity": self.applied,
             "path": field(r["planned"], "path"),
             "heading": self.target.heading,
-            "centre": field(self._measured, "centre"),
+            "centre": field(r["measured"], "centre"),
             "pressure": field(r["demand"], "pressure"),
             "foothold": field(r["footholds"], "place"),
             "phase": field(r["steps"], "phase"),
