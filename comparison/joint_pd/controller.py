@@ -25,8 +25,8 @@ from numpy.typing import ArrayLike, NDArray
 from harpy_pin import Command, Robot, State, WalkingGait
 from harpy_pin.controllers.tasks import share_of_load
 from harpy_pin.gaits.gait import GaitTargetRecord
-from harpy_pin.gaits.walking.body import mean_felt
 from harpy_pin.gaits.walking.record import WalkingRecord
+from harpy_pin.gaits.walking.targets import mean_felt
 from harpy_pin.kernels import kernel
 from harpy_pin.kernels.calls import Call
 from harpy_pin.model.cholesky import factorise, solve_vector
@@ -280,9 +280,9 @@ def _foot_goal(r: JointPDRecord, p: WalkingRecord, o: GaitTargetRecord, v: Vecto
     place[:], rate[:] = o.foot_position[k], o.foot_velocity[k]
     if o.stance[k] != 0.0:
         frame[:2, :2], frame[2, 2], spin[2] = rotation_in_plane(o.heading[0]), 1.0, o.heading[1]
-        place[2] -= p.height + r.higher + p.raised + mean_felt(p) - o.body[2]
-        rate[:2] -= r.follow * (p.desired - o.body[3:5])
-        rate[2] -= p.velocity[3] - LOWERING * r.higher - o.body[5]
+        place[2] -= p.build.height + r.higher + p.planned.raised + mean_felt(p) - o.body[2]
+        rate[:2] -= r.follow * (p.planned.desired - o.body[3:5])
+        rate[2] -= p.planned.velocity[3] - LOWERING * r.higher - o.body[5]
     else:
         frame[:], spin[:] = r.dynamics.tree.rotation, v[3:6]
     r.place[k] = frame.T @ place
@@ -354,7 +354,7 @@ def _contact_forces(r: JointPDRecord, p: WalkingRecord, o: GaitTargetRecord) -> 
             _grasp(r, p, k, grasp)
             for c in range(3):
                 square += np.outer(share * grasp[:, c], grasp[:, c])
-    x[:3] = r.mass * np.array((p.demand[0], p.demand[1], GRAVITY))
+    x[:3] = r.mass * np.array((*p.demand.acceleration, GRAVITY))
     factorise(square, square)
     solve_vector(square, x)
     for k in range(o.stance.shape[0]):

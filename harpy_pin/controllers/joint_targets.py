@@ -47,6 +47,7 @@ from harpy_pin.controllers.thrust_lag import LaggedTickRecord, lagged_step
 from harpy_pin.controllers.tick import TickRecord
 from harpy_pin.errors import InputError
 from harpy_pin.gaits.gait import GaitTargetRecord
+from harpy_pin.gaits.walking import WalkingParameters
 from harpy_pin.gaits.walking.build import build_of
 from harpy_pin.kernels import Kernel, kernel
 from harpy_pin.model.entry import FADE, GOOD, HOLD_TICKS
@@ -125,7 +126,7 @@ def _units(robot: Robot, posture: Vector) -> Vector:
     """Of stiffness, damping and inertia (3,), N·m/rad, N·m·s/rad and kg·m²: m g l / 4 times 1,
     √(l/g) and l/g.
     """
-    leg = build_of(robot, posture).leg
+    leg = build_of(robot, posture, WalkingParameters()).leg
     return np.array(0.25 * robot.mass * GRAVITY * leg * np.sqrt(leg / GRAVITY) ** np.arange(3))
 
 

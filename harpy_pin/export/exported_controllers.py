@@ -153,12 +153,11 @@ def _walk_of(step: Kernel[int]) -> Kernel[int]:
     ) -> int:
         gait = r.gait
         measure(gait, q, v, foot_force)
-        gait.command[:] = command.velocity
+        gait.planned.command[:] = command.velocity
         if gait.measured.seen:
             span = elapsed[0] if elapsed[0] > 0.0 else 0.0
             if gait.time < 0.0:
-                begin_walk(gait)
-                gait.time = 0.0
+                begin_walk(gait, 0.0)
                 span = 0.0
             walk_on(gait, r.goal, span)
         return step(r.control, r.goal, q, v, foot_force)

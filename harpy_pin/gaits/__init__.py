@@ -8,7 +8,7 @@ from harpy_pin.gaits.planned import PlannedGait, Planner
 from harpy_pin.gaits.standing import Hovering, Standing
 from harpy_pin.gaits.straight import GaitParameters, StepParameters, StraightGait, make_gait
 from harpy_pin.gaits.swing import swing
-from harpy_pin.gaits.walking import WalkingGait
+from harpy_pin.gaits.walking import WalkingGait, WalkingParameters
 
 __all__ = [
     "CommandedGait",
@@ -26,6 +26,7 @@ __all__ = [
     "StepParameters",
     "StraightGait",
     "WalkingGait",
+    "WalkingParameters",
     "make_commanded_gait",
     "make_gait",
     "swing",

@@ -1,5 +1,9 @@
 """A walk that follows a velocity command: forward, sideways and turning, which may change at any
 time.
+
+It is no :class:`~harpy_pin.gaits.walking.WalkingGait` with Harpy's numbers, because Harpy's
+thrusters carry its body along the path by the clock, where that one steps as a body without
+thrusters has to, and slips several times as far at friction 0.25.
 """
 
 from __future__ import annotations
@@ -18,7 +22,7 @@ from harpy_pin import checks
 from harpy_pin.arguments import checked
 from harpy_pin.errors import InputError, shown
 from harpy_pin.gaits.gait import LONGEST, GaitTarget, two_legs
-from harpy_pin.gaits.steering import FEET_APART, FROZEN, LONGEST_GAP, MAX_TURN, advance, restart
+from harpy_pin.gaits.steering import LONGEST_GAP, advance, restart
 from harpy_pin.gaits.straight import (
     TUNED_STIFFNESS,
     StepParameters,
@@ -34,9 +38,6 @@ from harpy_pin.model.record import field, make_record, sized
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import State, Vector
 
-SPARE = 0.02
-"""How much of the legs' reach is never asked for, m."""
-
 
 @dataclass(frozen=True, kw_only=True)
 class CommandedParameters(StepParameters):
@@ -46,16 +47,28 @@ class CommandedParameters(StepParameters):
     Attributes:
         acceleration: largest change of the applied velocity, m/s².
         turn_acceleration: largest change of the applied turning velocity, rad/s².
+        max_turn: largest turning velocity, rad/s.
+        feet_apart: least distance to the side between a foothold and the other foot, m.
+        frozen: share of a swing after which the foothold stays where it is.
+        settled: how far a foot may be from where it stands, for the walk to end, m.
+        spare: how much of the legs' reach is never asked for, m.
     """
 
     acceleration: float = 0.4
     turn_acceleration: float = 0.8
+    max_turn: float = 1.0
+    feet_apart: float = 0.1
+    frozen: float = 0.75
+    settled: float = 5e-3
+    spare: float = 0.02
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        checks.numbers(self, "acceleration", "turn_acceleration", low=0.0, high=100.0, strict=True)
+        positive = ("acceleration", "turn_acceleration", "max_turn", "settled")
+        checks.numbers(self, *positive, low=0.0, high=100.0, strict=True)
+        checks.numbers(self, "feet_apart", "frozen", "spare", low=0.0, high=1.0)
         checks.number("double_support", self.double_support, low=0.01)
-        checks.number("width", self.width, low=0.5 * FEET_APART, strict=True)
+        checks.number("width", self.width, low=0.5 * self.feet_apart, strict=True)
 
 
 class CommandedRecord(VelocityRecord, CommandedParameters):
@@ -85,9 +98,9 @@ class CommandedGait(FollowsVelocity):
 
     The velocity that is applied follows the command at bounded acceleration. A command is scaled
     down as a whole where its velocity is above :attr:`most_speed` (turning counts by ``width``:
-    \\|v\\| + \\|ω\\| width), sideways above :attr:`most_sideways`, or its turning above 1 rad/s.
-    One that holds NaN or infinity is ignored: the last finite one is kept, and :attr:`refused`
-    counts the updates.
+    \\|v\\| + \\|ω\\| width), sideways above :attr:`most_sideways`, or its turning above
+    ``max_turn``. One that holds NaN or infinity is ignored: the last finite one is kept, and
+    :attr:`refused` counts the updates.
 
     It is a gait with memory, for one controller, in one thread: :meth:`update` goes on from the
     last time to the next. Time zero, or one that is more than a step before the last, begins the
@@ -106,7 +119,7 @@ class CommandedGait(FollowsVelocity):
         applied: (3,) the velocity that is applied; read only.
         record: all that the walk remembers, for kernels.
         most_speed: m/s; what the legs reach, see :meth:`_speeds`.
-        most_sideways: m/s; faster, a foot would land closer than 0.1 m to the other.
+        most_sideways: m/s; faster, a foot would land closer than ``feet_apart`` to the other.
 
     Raises:
         InputError: the robot is no biped, the velocity is none, or the legs do not reach so far as
@@ -135,12 +148,11 @@ class CommandedGait(FollowsVelocity):
             radius=p.width,
             max_speed=self.most_speed,
             max_aside=self.most_sideways,
-            max_turn=MAX_TURN,
             max_bend=inf,
             terrain=flat_terrain(),
         )
         self._state = self._record_[0]
-        self._follow(velocity)
+        self._follow(velocity, self._record_, self._record_)
         restart.prepare(self._record_)
         advance.prepare(0.0, self._record_, self.target._record_)
         self._begin()
@@ -239,13 +251,13 @@ class CommandedGait(FollowsVelocity):
         """
         p = self.parameters
         half = 0.5 * p.step_duration * (1.0 + p.double_support)
-        late = (1.0 - FROZEN) * p.step_duration * (1.0 - p.double_support)
+        late = (1.0 - p.frozen) * p.step_duration * (1.0 - p.double_support)
         acceleration = p.acceleration + p.turn_acceleration * p.width
         unforeseen = 0.5 * acceleration * (half + late) ** 2
-        speed = (_reach(self.robot, p) - SPARE - p.sway - unforeseen) / half
+        speed = (_reach(self.robot, p) - p.spare - p.sway - unforeseen) / half
         if speed <= 0.0:
             raise InputError("this gait is out of the robot's reach", name="gait")
-        return speed, (2.0 * p.width - FEET_APART) / p.step_duration
+        return speed, (2.0 * p.width - p.feet_apart) / p.step_duration
 
 
 @checked

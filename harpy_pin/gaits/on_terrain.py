@@ -26,7 +26,7 @@ from harpy_pin.gaits.commanded import CommandedGait
 from harpy_pin.gaits.gait import Gait, GaitTarget, own_target
 from harpy_pin.gaits.straight import StraightGait
 from harpy_pin.gaits.terrain_targets import OnTerrainRecord, fit_plane, lay_over
-from harpy_pin.gaits.walking.swinging import walk_over
+from harpy_pin.gaits.walking.over_terrain import walk_over
 from harpy_pin.gaits.walking.walking_gait import WalkingGait
 from harpy_pin.ground.terrain import Plane, Terrain
 from harpy_pin.kernels.calls import Call
@@ -129,7 +129,7 @@ class OnTerrain(Gait):
             reach = float(self._record["reach"][0])
             self._record["own_swings"] = walk_over(self.gait._record_, terrain.record, reach)
             self.step_duration = self.gait.step_duration = float(
-                self.gait._record_["usual_step"][0]
+                self.gait._record_["pace"]["usual_step"][0]
             )
         if isinstance(self.gait, CommandedGait):
             self.gait._record_["terrain"] = terrain.record

@@ -25,8 +25,7 @@ from harpy_pin.gaits.fitting import leg_length
 from harpy_pin.gaits.gait import Gait, GaitTarget, Unobserved
 from harpy_pin.gaits.plan import Plan, PlannedMoment
 from harpy_pin.gaits.swing import on_its_way
-from harpy_pin.gaits.walking.swinging import DESCENT
-from harpy_pin.gaits.walking.walking_gait import CLEARANCE, OFFSET, WalkingGait
+from harpy_pin.gaits.walking import WalkingGait, WalkingParameters
 from harpy_pin.ground.terrain import Plane
 from harpy_pin.model.entry import all_possible, all_possible_rows, as_state, is_unit
 from harpy_pin.model.robot import Robot
@@ -46,6 +45,8 @@ SPIN, BEND = 30.0, 1000.0
 """The same of angular ones, rad/s and rad/s²."""
 ROUNDING = 1e-9
 """Of times, s."""
+WALK = WalkingParameters()
+"""Whose feet swing as these do, where nothing else is said."""
 JITTER = 0.1
 """How far the clock may go back, s; beyond, all begins anew."""
 
@@ -119,7 +120,7 @@ class PlannedGait(Gait):
         self.planner, self.executor = planner, executor
         self.rate = checks.number("rate", rate, low=0.0, high=1e6, strict=True)
         self._leg = leg_length(robot)
-        default = CLEARANCE * self._leg if clearance is None else clearance
+        default = WALK.clearance * self._leg if clearance is None else clearance
         self.clearance = checks.number("clearance", default, low=0.0)
         self.stand = WalkingGait(robot) if stand is None else stand
         self.controller_parameters = self.stand.controller_parameters
@@ -333,7 +334,7 @@ class PlannedGait(Gait):
         # Feet in world axes: one that should be on the ground is let down where it is
         motion = np.zeros((3, *state.foot_position.shape))
         motion[0] = state.foot_position
-        motion[1, :, 2] = -DESCENT
+        motion[1, :, 2] = -WALK.descent
         for k, contact in enumerate(now.contact.tolist()):
             if self._is_in_air(k, contact, float(now.landing[k]), state):
                 target.stance[k] = 0.0
@@ -361,7 +362,10 @@ class PlannedGait(Gait):
         lifted, lands = self._lifted[k], self._lands[k]
         step = min(step, self._time - lifted)
         left, height = lands - self._time + step, float(foothold[2])
-        goal, apex = (*foothold[:2], height - OFFSET), max(self._height[k], height) + self.clearance
+        goal, apex = (
+            (*foothold[:2], height - WALK.penetration_offset),
+            max(self._height[k], height) + self.clearance,
+        )
         rise = left - 0.5 * (lands - lifted)
         self._foot[k] = on_its_way(self._foot[k], goal, step, left, rise, apex)
         return min((self._time - lifted) / (lands - lifted), 1.0)

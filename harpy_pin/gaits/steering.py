@@ -20,7 +20,7 @@ import numpy as np
 from harpy_pin.gaits.gait import LONGEST, GaitTargetRecord
 from harpy_pin.gaits.straight import support, world_frame_blend
 from harpy_pin.gaits.terrain_targets import nearest_steppable
-from harpy_pin.gaits.velocity import is_still, take_command
+from harpy_pin.gaits.velocity import is_still, move_path, take_command
 from harpy_pin.kernels import kernel
 from harpy_pin.model.state import Vector
 from harpy_pin.model.vectors import rotation_in_plane
@@ -28,20 +28,12 @@ from harpy_pin.model.vectors import rotation_in_plane
 if TYPE_CHECKING:
     from harpy_pin.gaits.commanded import CommandedRecord
 
-MAX_TURN = 1.0
-"""Largest turning velocity, rad/s."""
-FEET_APART = 0.1
-"""Least distance to the side between a foothold and the other foot, m."""
 LONGEST_GAP = 1e3
 """Longest time from one update to the next, s."""
 FINEST = 5e-3
 """Longest time that is stepped at once, s: longer ones are divided."""
-FROZEN = 0.75
-"""Share of a swing after which the foothold stays where it is."""
 AHEAD = 8
 """Parts in which the path to the next stance is predicted."""
-SETTLED = 5e-3
-"""How far a foot may be from where it stands, for the walk to end, m."""
 
 
 @kernel
@@ -94,13 +86,6 @@ def _steer(p: CommandedRecord, velocity: Vector, step: float) -> Vector:
 
 
 @kernel
-def _move(path: Vector, velocity: Vector, step: float) -> None:
-    """Place and heading of the path go on for a time at one velocity."""
-    path[:2] += step * (rotation_in_plane(path[2] + 0.5 * step * velocity[2]) @ velocity[:2])
-    path[2] += step * velocity[2]
-
-
-@kernel
 def _toward(
     place: float, velocity: float, goal: float, left: float, step: float
 ) -> tuple[float, float]:
@@ -120,7 +105,7 @@ def _step(p: CommandedRecord, step: float) -> None:
     """One short time step of the whole state."""
     u, rest = p.velocity, p.leftover
     new = _steer(p, u, step)
-    _move(p.path, 0.5 * (u + new), step)
+    move_path(p.path, 0.5 * (u + new), step)
     p.rate[:] = (new - u) / step
     u[:] = new
     rest[:2] = _toward(rest[0], rest[1], 0.0, rest[2], step)
@@ -152,7 +137,7 @@ def _feet_settled(p: CommandedRecord) -> bool:
         place = p.path[:2] + p.width * (1.0 - 2.0 * k) * left
         if not p.terrain.level:
             place[:] = nearest_steppable(p.terrain, *place, *p.foot[k])
-        if np.hypot(*(p.foot[k] - place)) > SETTLED:
+        if np.hypot(*(p.foot[k] - place)) > p.settled:
             return False
     return True
 
@@ -179,7 +164,7 @@ def _follow(p: CommandedRecord, k: int) -> None:
         p.in_air[k] = 1.0
         p.left[k] = swing
     now = swing * (1.0 - done)
-    if done < FROZEN:
+    if done < p.frozen:
         _plan(p, k, now)
     for i in range(2):
         foot[i], velocity[i] = _toward(foot[i], velocity[i], hold[i], p.left[k], p.left[k] - now)
@@ -195,13 +180,13 @@ def _plan(p: CommandedRecord, k: int, left: float) -> None:
     path, velocity = np.array(p.path), np.array(p.velocity)
     for _ in range(AHEAD):
         new = _steer(p, velocity, step)
-        _move(path, 0.5 * (velocity + new), step)
+        move_path(path, 0.5 * (velocity + new), step)
         velocity[:] = new
     away = (1.0 - 2.0 * k) * rotation_in_plane(path[2])[:, 1]  # from the path, on this foot's side
     place = path[:2] + p.width * away
     gap = (place - p.foot[1 - k]) @ away
-    if gap < FEET_APART:
-        place += (FEET_APART - gap) * away
+    if gap < p.feet_apart:
+        place += (p.feet_apart - gap) * away
     if not p.terrain.level:
         place[:] = nearest_steppable(p.terrain, *place, *p.foothold[k])
     p.foothold[k] = place

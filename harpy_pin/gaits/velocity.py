@@ -20,6 +20,7 @@ from harpy_pin.kernels import kernel
 from harpy_pin.kernels.record_view import read_only
 from harpy_pin.model.record import RecordOf, Records, field, sized
 from harpy_pin.model.state import Vector
+from harpy_pin.model.vectors import rotation_in_plane
 
 MAX_COMMAND = 1e6
 """Largest entry of a command: far beyond what is clipped, and far from numbers that overflow."""
@@ -61,25 +62,31 @@ class VelocityRecord(RecordOf):
 class FollowsVelocity(Gait):
     """A gait that follows a velocity command, which may change at every tick.
 
-    Its record is a :class:`VelocityRecord` that has ``walking``, too.
+    What it follows is in a :class:`VelocityRecord`.
     """
 
     _record_: Records[Any]
+    _followed: Records[VelocityRecord]
+    _steps: Records[Any]
     command: Vector
     applied: Vector
     script: Script
     limited_by = ""
 
-    def _follow(self, velocity: Velocity) -> None:
+    def _follow(
+        self, velocity: Velocity, record: Records[VelocityRecord], steps: Records[Any]
+    ) -> None:
         """Take what is to be followed; warn, in one line, of the first command beyond the limits of
-        the record.
+        its record. The record of the steps has ``walking``.
         """
-        self._given: Vector = field(self._record_, "command")
+        self._followed, self._steps = record, steps
+        self._switch: Vector = record["switch"]
+        self._given: Vector = field(record, "command")
         self._given[:], self.script, self._function = read_velocity(velocity, len(self._given))
         self.command = self._given if self._function is None else read_only(self._given)
-        self.applied = read_only(field(self._record_, "velocity"))
+        self.applied = read_only(field(self._followed, "velocity"))
         for command in (self._given, *(command for _, command in self.script)):
-            share = share_in_limits(self._record_, command)
+            share = share_in_limits(self._followed, command)
             if share < 1.0 - ROUNDING:
                 given, limited = (
                     "({:.3g}, {:.3g}, {:.3g})".format(*(f * command[:3])) for f in (1.0, share)
@@ -90,7 +97,7 @@ class FollowsVelocity(Gait):
                 )
                 if (
                     self.limited_by
-                    and foot_speed(self._record_, command) > self._record_["max_speed"][0]
+                    and foot_speed(self._followed, command) > self._followed["max_speed"][0]
                 ):
                     message += f" by {self.limited_by}"
                 warn_maker(message)
@@ -99,17 +106,17 @@ class FollowsVelocity(Gait):
     @property
     def walking(self) -> bool:
         """Whether it steps; otherwise it stands."""
-        return bool(self._record_["walking"][0])
+        return bool(self._steps["walking"][0])
 
     @property
     def refused(self) -> int:
         """Updates whose command was not finite, since the walk began."""
-        return int(self._record_["refused"][0])
+        return int(self._followed["refused"][0])
 
     def _begin(self) -> None:
         """Go back to before the first row of the script."""
         self._row = 0
-        self._record_["switch"] = self.script[0][0] if self.script else inf
+        self._switch[0] = self.script[0][0] if self.script else inf
         if self.script:
             self.command[:] = 0.0
 
@@ -117,7 +124,7 @@ class FollowsVelocity(Gait):
         """Command what the next row of the script says."""
         self.command[:] = self.script[self._row][1]
         self._row += 1
-        self._record_["switch"] = self.script[self._row][0] if self._row < len(self.script) else inf
+        self._switch[0] = self.script[self._row][0] if self._row < len(self.script) else inf
 
     def _ask_function(self, t: float) -> None:
         """Command what the function says, if there is one; an entry that is not finite is later
@@ -226,6 +233,13 @@ def take_command(p: VelocityRecord) -> None:
     else:
         p.refused += 1.0
     p.goal[:3] = share_in_limits(p, p.last_command) * p.last_command[:3]
+
+
+@kernel
+def move_path(path: Vector, velocity: Vector, step: float) -> None:
+    """Place and heading of the path go on for a time at one velocity."""
+    path[:2] += step * (rotation_in_plane(path[2] + 0.5 * step * velocity[2]) @ velocity[:2])
+    path[2] += step * velocity[2]
 
 
 @kernel

@@ -16,7 +16,8 @@ from harpy_pin.gaits.on_terrain import OnTerrain
 from harpy_pin.gaits.standing import Hovering, Standing
 from harpy_pin.gaits.straight import make_gait
 from harpy_pin.gaits.velocity import is_sequence, read_velocity
-from harpy_pin.gaits.walking.build import BY_FEET, SCHEDULES, SHORT_LEG, why_no_walk
+from harpy_pin.gaits.walking.can_walk import SHORT_LEG, why_no_walk
+from harpy_pin.gaits.walking.schedules import BY_FEET, SCHEDULES
 from harpy_pin.gaits.walking.walking_gait import WalkingGait
 from harpy_pin.ground.ground import MAX_STIFFNESS
 from harpy_pin.ground.terrain import Terrain

@@ -13,7 +13,7 @@ from harpy_pin import checks
 from harpy_pin.arguments import checked
 from harpy_pin.controllers.named_controllers import GOVERNORS
 from harpy_pin.errors import InputError, shown
-from harpy_pin.gaits.walking.build import SCHEDULES
+from harpy_pin.gaits.walking.schedules import SCHEDULES
 
 _Part = TypeVar("_Part", bound="Part")
 _Record = TypeVar("_Record")

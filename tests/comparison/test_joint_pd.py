@@ -72,7 +72,12 @@ def test_joint_targets_are_the_inverse_kinematics_of_the_feet(name):
             state
         )  # at the same time: nothing moves but Newton's method, and a body that is to go down
     upright = np.concatenate(
-        (state.q[:2], pd.gait.record["height"], (0.0, 0.0, 0.0, 1.0), pd._record["planned"][0][7:])
+        (
+            state.q[:2],
+            pd.gait.record["build"]["height"],
+            (0.0, 0.0, 0.0, 1.0),
+            pd._record["planned"][0][7:],
+        )
     )
     pin.framesForwardKinematics(robot.model, data, upright)
     for k, foot in enumerate(robot.feet):

@@ -36,7 +36,7 @@ def test_velocity_actions_drive_the_robot():
     """
     env = RobotEnv("go2", velocity=(0.5, 0.0, 0.3), reward={"velocity": 1.0, "turning": 1.0})
     env.reset(seed=0)
-    top = float(hp.WalkingGait(env.robot).record["max_speed"][0])
+    top = hp.WalkingGait(env.robot).max_speed
     action = np.array([0.5 / top, 0.0, 0.3], dtype=np.float32)
     for _ in range(100):
         observation, reward, terminated, truncated, info = env.step(action)

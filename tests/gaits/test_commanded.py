@@ -17,7 +17,6 @@ from harpy_pin.controllers import WholeBodyParameters
 from harpy_pin.controllers.task_controller import tasks_record
 from harpy_pin.controllers.tasks import task_terms
 from harpy_pin.gaits import CommandedGait, CommandedParameters
-from harpy_pin.gaits.steering import FEET_APART, MAX_TURN
 from harpy_pin.log.measures import body_angles
 from harpy_pin.model.kinematics import leg_inverse
 
@@ -54,8 +53,8 @@ def test_targets_are_continuous_whatever_is_commanded(script):
     rate = np.pi / P.step_duration
     most = (
         P.acceleration
-        + 2.0 * MAX_TURN * gait.most_speed
-        + 3.0 * P.sway * (rate + MAX_TURN) ** 2
+        + 2.0 * P.max_turn * gait.most_speed
+        + 3.0 * P.sway * (rate + P.max_turn) ** 2
         + 2.0
     )
     assert np.linalg.norm(body[:, 2], axis=1).max() < most
@@ -88,8 +87,8 @@ def test_a_stance_foot_stays_and_feet_never_meet(script):
     assert stance.any(axis=1).all()
     apart = np.linalg.norm((feet[:, 0, 0] - feet[:, 0, 1])[:, :2], axis=1)
     landed = (stance[1:] & ~stance[:-1]).any(axis=1)
-    assert apart[1:][landed].min(initial=1.0) >= FEET_APART - 1e-3
-    assert apart.min() >= 0.5 * FEET_APART
+    assert apart[1:][landed].min(initial=1.0) >= P.feet_apart - 1e-3
+    assert apart.min() >= 0.5 * P.feet_apart
 
 
 @given(scripts)
@@ -216,7 +215,7 @@ def test_a_wild_command_is_scaled_down_as_a_whole(wild):
     binding = (
         (np.hypot(u[0], u[1]) + abs(u[2]) * P.width) / gait.most_speed,
         abs(u[1]) / gait.most_sideways,
-        abs(u[2]) / MAX_TURN,
+        abs(u[2]) / P.max_turn,
     )
     assert max(binding) == pytest.approx(1.0, abs=1e-12)
     assert 0.3 < gait.most_speed < 1.0
@@ -365,3 +364,16 @@ def test_it_is_steered_live():
     np.testing.assert_array_equal(run["command"][ahead], np.tile((0.3, 0.0, 0.0), (ahead.sum(), 1)))
     assert 0 < ahead.sum() < 2000
     assert body_angles(run["q"])[-1, 2] > 0.3
+
+
+def test_limits_of_turning_and_of_the_distance_of_feet_are_parameters():
+    wide = CommandedParameters(max_turn=0.5, feet_apart=0.2)
+    gait, usual = (CommandedGait(ROBOT, (0.0, 0.0, 0.4), p) for p in (wide, P))
+    assert gait.most_sideways == pytest.approx(usual.most_sideways - 0.1 / P.step_duration)
+    gait.command[2] = 5.0
+    for t in np.arange(0.0, 3.0, 0.05):
+        gait.update(float(t))
+    assert gait.applied[2] == pytest.approx(0.5)
+    for name in ("max_turn", "feet_apart", "frozen", "settled", "spare"):
+        with pytest.raises(hp.InputError, match=name):
+            CommandedParameters(**{name: -1.0})

@@ -21,7 +21,7 @@ H = 1e-3
 def pitches(gait, q):
     """How far each sole is turned heel up, rad."""
     own, height = (
-        gait.record[0]["own"][:, 0].reshape(2, -1),
+        gait.record[0]["build"]["own"][:, 0].reshape(2, -1),
         places(gait.robot, q)[:, 2].reshape(2, -1),
     )
     ahead = own - own.mean(axis=1, keepdims=True)
@@ -54,7 +54,9 @@ def test_targets_of_a_sole_are_those_of_a_rigid_body_in_one_motion(name, velocit
     robot = hp.load_robot(name)
     gait = hp.WalkingGait(robot, velocity=velocity)
     p, o, points = gait.record[0], gait.target, int(robot.corners[0])
-    shape = np.linalg.norm(p["corner"][:points, None] - p["corner"][None, :points], axis=2)
+    shape = np.linalg.norm(
+        p["build"]["corner"][:points, None] - p["build"]["corner"][None, :points], axis=2
+    )
     before, rolled = {}, 0
 
     def check(state):
@@ -64,7 +66,7 @@ def test_targets_of_a_sole_are_those_of_a_rigid_body_in_one_motion(name, velocit
         for k in range(2):
             own = slice(points * k, points * (k + 1))
             lifted = o.load[own] == 0.0
-            if p["in_air"][k] == 0.0 and not lifted.any():
+            if p["steps"]["in_air"][k] == 0.0 and not lifted.any():
                 before.pop(k, None)
                 continue
             place = (o.body[:3] + o.foot_position)[own]
@@ -72,9 +74,9 @@ def test_targets_of_a_sole_are_those_of_a_rigid_body_in_one_motion(name, velocit
             acceleration = (o.body[6:] + o.foot_acceleration)[own]
             distance = np.linalg.norm(place[:, None] - place[None], axis=2)
             np.testing.assert_allclose(
-                distance, shape, atol=1e-3 if p["in_air"][k] == 0.0 else 1e-6
+                distance, shape, atol=1e-3 if p["steps"]["in_air"][k] == 0.0 else 1e-6
             )
-            if p["in_air"][k] == 0.0:
+            if p["steps"]["in_air"][k] == 0.0:
                 rolled += 1
                 assert (o.stance[own] == np.where(lifted, 0.0, 1.0)).all()
                 velocity, acceleration, place = (
@@ -155,7 +157,7 @@ def test_a_walk_rolls_over_its_toes_and_hardly_slips(name, speed, plant):
         if state.t <= 3.0:
             return
         p = gait.record[0]
-        rolls = p["in_air"].sum() == 0.0 and p["pitch"][0] != 0.0
+        rolls = p["steps"]["in_air"].sum() == 0.0 and p["roll"]["pitch"][0] != 0.0
         seen.append((*np.sign(speed) * pitches(gait, state.q), rolls, gait.target.stance.sum()))
 
     run = walk(gait, duration=5.0, plant=plant, on_tick=see)
@@ -183,7 +185,7 @@ def test_soles_stay_flat_where_steps_have_no_length_and_on_slopes():
             gait,
             terrain=terrain,
             duration=2.0,
-            on_tick=lambda _, g=gait, s=seen: s.append(abs(g.record[0]["pitch"][0])),
+            on_tick=lambda _, g=gait, s=seen: s.append(abs(g.record[0]["roll"]["pitch"][0])),
         )
         assert run.ending == "completed"
         assert max(seen) <= most
@@ -196,7 +198,7 @@ def test_soles_that_point_outward_roll_about_their_own_edges():
     for name, sign in (("leg_left_1_joint", 1.0), ("leg_right_1_joint", -1.0)):
         posture[robot.joints.index(name)] += sign * np.radians(8.0)
     gait, rolled = hp.WalkingGait(robot, posture=posture, velocity=(0.5, 0.0, 0.0)), []
-    np.testing.assert_allclose(np.degrees(gait.record[0]["askew"]), (8.0, -8.0), atol=0.5)
+    np.testing.assert_allclose(np.degrees(gait.record[0]["build"]["askew"]), (8.0, -8.0), atol=0.5)
 
     def see(state):
         lifted = gait.target.load == 0.0

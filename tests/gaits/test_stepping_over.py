@@ -13,7 +13,6 @@ from needs import needs_robots
 import harpy_pin as hp
 from harpy_pin.gaits.on_terrain import OnTerrain
 from harpy_pin.gaits.terrain_targets import MARGIN, fit_plane
-from harpy_pin.gaits.walking.swinging import LIFT, UP
 from harpy_pin.ground.surface import greatest_rise
 from harpy_pin.ground.terrain import Plane, Rough, Stairs
 from harpy_pin.log.measures import measure
@@ -78,9 +77,11 @@ def test_steps_last_as_long_as_lifting_a_foot_takes():
     flat = gait.step_duration
     over = OnTerrain(gait, UPSTAIRS)
     assert over.step_duration == gait.step_duration > flat
-    way = 0.08 + float(gait.record["clearance"][0])
-    time = UP * (1.0 - gait.double_support) * over.step_duration
-    assert 10.0 * way / (np.sqrt(3.0) * time**2) == pytest.approx(LIFT, rel=1e-4)
+    way = 0.08 + float(gait.record["pace"]["clearance"][0])
+    time = gait.parameters.apex * (1.0 - gait.double_support) * over.step_duration
+    assert 10.0 * way / (np.sqrt(3.0) * time**2) == pytest.approx(
+        gait.parameters.lift_acceleration, rel=1e-4
+    )
     assert OnTerrain(hp.WalkingGait(hp.load_robot("go2")), Plane(slope=0.3)).step_duration == flat
 
 

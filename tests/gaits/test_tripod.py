@@ -50,7 +50,7 @@ def test_by_threes_whatever_the_order_of_its_feet(sprawling, order):
     feet = tuple(FEET[k] for k in order)
     gait = hp.WalkingGait(sprawling(feet))
     assert gait.schedule == "tripod"
-    group = gait.record["group"][0]
+    group = gait.record["pace"]["group"][0]
     assert {foot for foot, number in zip(feet, group, strict=True) if number == 0} == TRIPOD
     with pytest.raises(hp.InputError, match="tripod"):
         hp.WalkingGait(gait.robot, "trot")

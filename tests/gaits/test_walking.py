@@ -19,7 +19,6 @@ from scipy.optimize import nnls
 from walks import made_state, states_of, walk, walked
 
 import harpy_pin as hp
-from harpy_pin.gaits.walking.build import draw_together
 from harpy_pin.gaits.walking.footholds import widen_stance
 from harpy_pin.gaits.walking.measuring import measure
 from harpy_pin.gaits.walking.pendulum import (
@@ -29,6 +28,7 @@ from harpy_pin.gaits.walking.pendulum import (
     real_duration,
     toward,
 )
+from harpy_pin.gaits.walking.schedules import draw_together
 
 small = st.floats(-1.0, 1.0)
 talos = cache(lambda: hp.load_robot("talos"))
@@ -157,7 +157,7 @@ def test_targets_fit_their_differences_and_footholds_are_in_reach(commands):
             return
         c, s = np.cos(m["heading"]), np.sin(m["heading"])
         for k in range(4):
-            if not p["in_air"][k]:
+            if not p["steps"]["in_air"][k]:
                 before.pop(k, None)
                 continue
             place = o.body[:3] + o.foot_position[k]
@@ -168,18 +168,18 @@ def test_targets_fit_their_differences_and_footholds_are_in_reach(commands):
                 )
                 assert np.abs(velocity - before[k][1]).max() < 0.6
             before[k] = place, velocity
-            left = max(1.0 - p["phase"], 0.0) * gait.step_duration
-            x, y = p["nominal"][k]
+            left = max(1.0 - p["steps"]["phase"], 0.0) * gait.step_duration
+            x, y = p["pace"]["nominal"][k]
             hip = m["centre"][:2] + left * m["drift"] + (c * x - s * y, s * x + c * y)
-            assert np.hypot(*(p["foothold"][k, :2] - hip)) < p["reach"] + 0.03
-            others = [j for j in range(4) if not p["in_air"][j]]
-            gaps = [np.hypot(*(p["foothold"][k, :2] - m["place"][j, :2])) for j in others]
-            assert min(gaps) > 0.2 * np.ptp(p["nominal"][:, 1])
+            assert np.hypot(*(p["footholds"]["place"][k, :2] - hip)) < p["build"]["reach"] + 0.03
+            others = [j for j in range(4) if not p["steps"]["in_air"][j]]
+            gaps = [np.hypot(*(p["footholds"]["place"][k, :2] - m["place"][j, :2])) for j in others]
+            assert min(gaps) > 0.2 * np.ptp(p["pace"]["nominal"][:, 1])
 
     run = walk(gait, duration=2.0, on_tick=check)
     assert run.ending == "completed"
     most = np.hypot(run["applied_velocity"][:, 0], run["applied_velocity"][:, 1])
-    assert most.max() <= p["max_speed"] + 1e-9
+    assert most.max() <= p["planned"]["max_speed"] + 1e-9
 
 
 @needs_robots
@@ -191,14 +191,14 @@ def test_soles_are_planned_apart(aside, turn, step):
     """
     gait = hp.WalkingGait(talos())
     p = gait._record_[0]
-    places = p["middle"].copy()
-    p["velocity"][1], p["goal"][2], p["step_duration"] = aside, turn, step
+    places = p["footholds"]["middle"].copy()
+    p["planned"]["velocity"][1], p["planned"]["goal"][2], p["steps"]["duration"] = aside, turn, step
     widen_stance(gait._record_)
-    apart, usual = (float(np.ptp(place[:, 1])) for place in (p["middle"], places))
+    apart, usual = (float(np.ptp(place[:, 1])) for place in (p["footholds"]["middle"], places))
     assert apart >= usual
     lasts = real_duration(gait._record_)
     (length, width), corner = (
-        p["sole"],
+        p["build"]["sole"],
         np.array(((1.0, 1.0), (1.0, -1.0), (-1.0, -1.0), (-1.0, 1.0))),
     )
 
@@ -227,20 +227,20 @@ def test_feet_that_land_early_stay_and_late_ones_are_let_down():
             t += h
         raise AssertionError("it never happens")
 
-    go(loaded, until=lambda: p["in_air"].any())
+    go(loaded, until=lambda: p["steps"]["in_air"].any())
     swing = gait.target.stance == 0.0
     assert swing.sum() == 2
     go(
-        loaded, until=lambda: p["phase"] > 0.5
+        loaded, until=lambda: p["steps"]["phase"] > 0.5
     )  # a load in the first part of the swing is the foot's last touch
-    assert p["in_air"].sum() == 2
-    go(free, until=lambda: p["phase"] > 0.75)
-    go(loaded, until=lambda: not p["in_air"].any())  # early
-    assert p["phase"] < 0.8
+    assert p["steps"]["in_air"].sum() == 2
+    go(free, until=lambda: p["steps"]["phase"] > 0.75)
+    go(loaded, until=lambda: not p["steps"]["in_air"].any())  # early
+    assert p["steps"]["phase"] < 0.8
     assert (gait.target.stance == 1.0).all()
-    go(loaded, until=lambda: p["in_air"].any())
+    go(loaded, until=lambda: p["steps"]["in_air"].any())
     assert not (swing & (gait.target.stance == 0.0)).any()  # now the others
-    go(free, until=lambda: p["phase"] >= 1.0)
+    go(free, until=lambda: p["steps"]["phase"] >= 1.0)
     heights = []
     for _ in range(40):  # late: down, at one velocity, while the other feet stay
         gait.observe(free)
@@ -248,8 +248,8 @@ def test_feet_that_land_early_stay_and_late_ones_are_let_down():
         t += h
         heights.append((o.body[2] + o.foot_position[o.stance == 0.0, 2]).max())
     np.testing.assert_allclose(np.diff(heights[1:]) / h, -0.3, atol=1e-6)
-    assert p["in_air"].sum() == 2
-    go(free, until=lambda: p["phase"] < 0.5)  # the walk does not wait for ever
+    assert p["steps"]["in_air"].sum() == 2
+    go(free, until=lambda: p["steps"]["phase"] < 0.5)  # the walk does not wait for ever
     assert gait.walking
 
 
@@ -260,11 +260,11 @@ def test_a_foot_that_was_just_lifted_has_not_landed_whatever_the_period():
         gait = hp.WalkingGait(hp.load_robot("solo12"), velocity=(0.3, 0.0, 0.0))
         loaded, free, p = made_state(gait, force=30.0), made_state(gait, force=0.0), gait.record[0]
         for tick in range(round(1.0 / h)):
-            gait.observe(free if p["in_air"].any() else loaded)
+            gait.observe(free if p["steps"]["in_air"].any() else loaded)
             gait.update(tick * h)
-            if p["phase"] > 0.9:
+            if p["steps"]["phase"] > 0.9:
                 break
-        assert p["in_air"].sum() == 2
+        assert p["steps"]["in_air"].sum() == 2
 
 
 @needs_robots

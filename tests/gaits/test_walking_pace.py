@@ -15,23 +15,27 @@ from scipy.optimize import brentq
 from walks import made_state, slip_per_step, walk
 
 import harpy_pin as hp
-from harpy_pin.gaits.walking.build import build_of, fastest_speed, swing_load
+from harpy_pin.gaits.walking import WalkingParameters
+from harpy_pin.gaits.walking.build import build_of
 from harpy_pin.gaits.walking.footholds import _keep_in_reach
-from harpy_pin.gaits.walking.pendulum import CREEP, NEAR, STRAIGHT_NEAR, UPRIGHT_END, upright_end
-from harpy_pin.gaits.walking.swinging import SETTLE
-from harpy_pin.gaits.walking.walking_gait import LOW
+from harpy_pin.gaits.walking.parameters import TunedRecord
+from harpy_pin.gaits.walking.pendulum import upright_end
+from harpy_pin.gaits.walking.swing_load import fastest_speed, swing_load
+from harpy_pin.model.record import make_record
+
+TUNED = WalkingParameters()
 
 
 def go2():
     robot = hp.load_robot("go2")
     q, _ = hp.Standing(robot).initial_state()
-    return robot, q, build_of(robot, q)
+    return robot, q, build_of(robot, q, TUNED)
 
 
 @needs_robots
 def test_a_leg_that_does_not_move_needs_the_torque_of_its_weight():
     robot, q, build = go2()
-    load = swing_load(robot, q, build, 0.0, 0.2, 0.1, 0.0)
+    load = swing_load(robot, q, build, 0.0, 0.2, 0.1, 0.0, TUNED.upright_end)
     weight = pin.computeGeneralizedGravity(robot.model, robot.model.createData(), q)[6:]
     assert load == pytest.approx(np.max(np.abs(weight) / robot.model.effortLimit[6:]), rel=1e-6)
 
@@ -41,8 +45,8 @@ def test_torques_of_a_swing_without_weight_grow_with_the_square_of_its_rate():
     robot, q, build = go2()
     robot.model.gravity.linear = np.zeros(3)
     slow, fast = (
-        swing_load(robot, q, build, 1.0, 0.2, 0.1, 0.03),
-        swing_load(robot, q, build, 2.0, 0.1, 0.1, 0.03),
+        swing_load(robot, q, build, 1.0, 0.2, 0.1, 0.03, TUNED.upright_end),
+        swing_load(robot, q, build, 2.0, 0.1, 0.1, 0.03, TUNED.upright_end),
     )
     assert fast == pytest.approx(4.0 * slow, rel=1e-6)
 
@@ -95,11 +99,11 @@ def test_legs_of_a_bound_reach_their_feet_at_its_largest_speed(name):
     """
     robot = hp.load_robot(name)
     gait = hp.WalkingGait(robot, schedule="bound")
-    build = build_of(robot, hp.Standing(robot).initial_state()[0])
+    build = build_of(robot, hp.Standing(robot).initial_state()[0], TUNED)
     apart = build.place[:, :2] - build.place[:, :2].mean(axis=0)
     behind = 0.5 * gait.max_speed * (1.0 + gait.double_support) * gait.step_duration
     hip = build.reach**2 - (0.98 * build.leg) ** 2  # minus its squared height
-    for drawn in np.linalg.norm(apart - gait.record["nominal"][0], axis=1):
+    for drawn in np.linalg.norm(apart - gait.record["pace"]["nominal"][0], axis=1):
         assert np.sqrt((drawn + behind) ** 2 - hip) < 0.97 * build.leg
 
 
@@ -114,26 +118,27 @@ def test_anymal_b_bounds_as_fast_as_its_legs_reach():
 
 
 @pytest.mark.parametrize(
-    ("near", "low", "height"), [(NEAR, LOW, 0.053), (STRAIGHT_NEAR, 0.0, 0.04)]
+    ("near", "low", "height"), [(TUNED.near, TUNED.low, 0.053), (TUNED.straight_near, 0.0, 0.04)]
 )
 @pytest.mark.parametrize("speed", [0.0, 0.1, 0.3, 0.6, 1.0])
 def test_a_foot_is_slow_when_it_is_near_the_ground(speed, near, low, height):
     # A trot with steps of 1 s: a foot goes two steps' way in a swing of 0.95 s, by the motion of
     # least jerk.
-    end, swing = upright_end(speed, 1.0, near), 0.95
-    assert end >= UPRIGHT_END
+    end, swing = upright_end(make_record(TunedRecord, **vars(TUNED)), speed, 1.0, near), 0.95
+    assert end >= TUNED.upright_end
+    settle = TUNED.settle
     glide = (
-        low * SETTLE / (1.0 - SETTLE)
+        low * settle / (1.0 - settle)
     )  # the height there falls at the rate at which it goes on to the ground
 
     def above(w):  # at the share w before it begins to go down slowly
         return 64.0 * (w * (1.0 - w)) ** 3 + low + glide * w - height
 
     before = brentq(above, 0.0, 0.5)
-    assert 1.0 - SETTLE * (1.0 - before) == pytest.approx(near, abs=0.004)
-    s = min(SETTLE * (1.0 - before) / (1.0 - end), 1.0)
+    assert 1.0 - settle * (1.0 - before) == pytest.approx(near, abs=0.004)
+    s = min(settle * (1.0 - before) / (1.0 - end), 1.0)
     velocity = 2.0 * speed / ((1.0 - end) * swing) * 30.0 * (s * (1.0 - s)) ** 2
-    assert velocity <= 1.2 * CREEP
+    assert velocity <= 1.2 * TUNED.creep
 
 
 @needs_robots
@@ -156,11 +161,11 @@ def test_no_foothold_stretches_a_leg(name, higher):
             model.parents[model.parents[knee]]
         ].translation  # about which the leg swings sideways
         for angle in np.linspace(0.0, 2.0 * np.pi, 12, endpoint=False):
-            p["foothold"][k, :2] = p["measured"]["centre"][:2] + 5.0 * np.array(
+            p["footholds"]["place"][k, :2] = p["measured"]["centre"][:2] + 5.0 * np.array(
                 (np.cos(angle), np.sin(angle))
             )
             _keep_in_reach(gait._record_[0], k, 0.0)
-            place = np.array((*p["foothold"][k, :2], 0.0))
+            place = np.array((*p["footholds"]["place"][k, :2], 0.0))
             # Beside the axis by d, a leg of length l reaches to √(l² + d²) from a point of it.
             thigh = data.oMi[model.parents[knee]].translation
             along = place - np.array((thigh[0], axis[1], thigh[2]))
@@ -172,17 +177,17 @@ def test_no_foothold_stretches_a_leg(name, higher):
 def test_a_late_foot_that_rests_has_landed_though_it_hardly_pushes():
     gait = hp.WalkingGait(hp.load_robot("solo12"), velocity=(0.3, 0.0, 0.0))
     p, t = gait.record[0], 0.0
-    rests, free = made_state(gait, force=0.5 * float(p["touch_force"])), made_state(gait)
+    rests, free = made_state(gait, force=0.5 * float(p["pace"]["touch_force"])), made_state(gait)
 
     def late_after(given):
         nonlocal t
         t = 0.0
-        while not (p["in_air"].any() and p["phase"] >= 1.0):
+        while not (p["steps"]["in_air"].any() and p["steps"]["phase"] >= 1.0):
             gait.observe(free)
             gait.update(t)
             t += 1e-3
         ticks = 0
-        while p["in_air"].any() and p["phase"] >= 1.0:
+        while p["steps"]["in_air"].any() and p["steps"]["phase"] >= 1.0:
             gait.observe(given)
             gait.update(t)
             t, ticks = t + 1e-3, ticks + 1
@@ -200,7 +205,7 @@ def test_turns_bend_the_way_by_the_acceleration_at_most():
     for command in np.random.default_rng(3).uniform(-1.5, 1.5, (50, 3)):
         gait.command[:3] = command
         gait.update(0.0)
-        goal = gait.record[0]["goal"][:3]
+        goal = gait.record[0]["planned"]["goal"][:3]
         assert np.hypot(goal[0], goal[1]) * abs(goal[2]) <= 1.0 + 1e-9
         np.testing.assert_allclose(np.cross(goal, command), 0.0, atol=1e-12)
     with pytest.warns(UserWarning, match="limited to"):
@@ -264,7 +269,7 @@ def test_on_soles_the_largest_speed_falls_with_the_friction():
             max(share * fastest, 0.07 * np.sqrt(9.81 * controller.gait._build.leg))
         )
         assert controller.gait.max_aside == pytest.approx(share * aside)
-        assert controller.gait.record["max_turn"] == pytest.approx(2.0 * share)
+        assert controller.gait.record["planned"]["max_turn"] == pytest.approx(2.0 * share)
     for given in (hp.WalkingGait(robot, max_speed=0.4), hp.WalkingGait(hp.load_robot("solo12"))):
         speed = given.max_speed
         given.expect_friction(0.3)
@@ -282,13 +287,15 @@ def test_on_slippery_ground_soles_stand_closer_and_hand_over_faster(name):
     for mu in (0.05, 0.1, 0.12, 0.15, 0.2, 0.6):
         for gait in gaits:
             gait.expect_friction(mu)
-        np.testing.assert_array_equal(gaits[0]._record_["nominal"], gaits[1]._record_["nominal"])
-        apart.append(float(np.ptp(gaits[0]._record_["nominal"][0][:, 1])))
-        support.append(float(gaits[0]._record_["slow_double_support"][0]))
+        np.testing.assert_array_equal(
+            gaits[0]._record_["pace"]["nominal"], gaits[1]._record_["pace"]["nominal"]
+        )
+        apart.append(float(np.ptp(gaits[0]._record_["pace"]["nominal"][0][:, 1])))
+        support.append(float(gaits[0]._record_["pace"]["slow_double_support"][0]))
     fresh = hp.WalkingGait(robot)._record_
     assert apart == sorted(apart)
     assert support == sorted(support)
     assert min(apart) > max(widths)
     assert apart[0] == apart[1] < apart[2] < apart[4]
-    np.testing.assert_array_equal(gaits[0]._record_["nominal"], fresh["nominal"])
-    assert support[-1] == fresh["slow_double_support"][0]
+    np.testing.assert_array_equal(gaits[0]._record_["pace"]["nominal"], fresh["pace"]["nominal"])
+    assert support[-1] == fresh["pace"]["slow_double_support"][0]

@@ -33,7 +33,7 @@ def test_trots_as_commanded_and_hardly_slips(name, speed):
     assert slip_per_step(run) < 0.5 * 2.0  # of two feet
     assert hp.measure(run).tilt_max_rad < 0.01
     assert path_error(run) < 0.05
-    start = gait.record["start_time"][0] - gait.double_support * gait.step_duration
+    start = gait.record["pace"]["start_time"][0] - gait.double_support * gait.step_duration
     moved = speed * (3.0 - start - 0.5 * speed)  # at 1 m/s²
     np.testing.assert_allclose(run["path"][-1, 0] - run["path"][0, 0], moved, rtol=0.05)
     settled = run["t"] > 2.0
@@ -175,15 +175,15 @@ def test_feet_of_a_biped_do_not_cross_and_land_before_it_leans_too_far():
 
     def see(state):
         m = p["measured"]
-        hastes.append(float(p["haste"]))
+        hastes.append(float(p["steps"]["haste"]))
         side = np.array((-np.sin(m["heading"]), np.cos(m["heading"])))
         sides.append(side @ (m["place"][0, :2] - m["place"][1, :2]))
 
     run = walk(gait, mu=0.5, duration=4.0, pushes=((2.0, (0.8, 0.0, 0.0)),), on_tick=see)
     assert run.ending == "completed"
     assert min(sides[1:]) > 0.0  # the first one is before anything is measured
-    apart = p["nominal"][0, 1] - p["nominal"][1, 1]
-    assert np.abs(run["applied_velocity"][:, 1]).max() * p["usual_step"] < apart
+    apart = p["pace"]["nominal"][0, 1] - p["pace"]["nominal"][1, 1]
+    assert np.abs(run["applied_velocity"][:, 1]).max() * p["pace"]["usual_step"] < apart
     hastes, pushed = np.array(hastes), run["t"] > 2.0
     assert (hastes[~pushed] == 1.0).mean() > 0.9
     assert hastes[pushed].max() > 1.05
@@ -223,7 +223,12 @@ def test_a_step_of_two_centimetres_that_it_does_not_know(name, rise):
     def see(state):
         p = gait.record[0]
         log.append(
-            (p["in_air"].copy(), p["felt"].copy(), p["phase"].item(), state.foot_force[:, 2].copy())
+            (
+                p["steps"]["in_air"].copy(),
+                p["steps"]["felt"].copy(),
+                p["steps"]["phase"].item(),
+                state.foot_force[:, 2].copy(),
+            )
         )
 
     robot = hp.load_robot(name)
@@ -232,9 +237,9 @@ def test_a_step_of_two_centimetres_that_it_does_not_know(name, rise):
     run = walk(blind, terrain=stairs, duration=3.5, on_tick=see)
     assert run.ending == "completed"
     assert hp.measure(run).tilt_max_rad < 0.1
-    unknown = 0.03 * gait.record["height"][0]
-    assert np.abs(gait.record["felt"][0] - rise).min() < unknown
-    assert (gait.record["felt"][0] * np.sign(rise) > 0.0).all()
+    unknown = 0.03 * gait.record["build"]["height"][0]
+    assert np.abs(gait.record["steps"]["felt"][0] - rise).min() < unknown
+    assert (gait.record["steps"]["felt"][0] * np.sign(rise) > 0.0).all()
     on_both = run["q"][0, 2] + rise
     assert abs(run["q"][-1, 2] - on_both) < 0.01  # the body goes with the ground
     in_air, felt, phase, load = (np.array(column) for column in zip(*log, strict=True))
@@ -261,7 +266,7 @@ def test_soles_feel_two_centimetres_that_they_do_not_know(name, rise):
     run = walk(OnTerrain(gait, Plane(slope=0.0)), terrain=stairs, duration=5.0)
     assert run.ending == "completed"
     assert hp.measure(run).tilt_max_rad < 0.1
-    np.testing.assert_allclose(gait.record["felt"][0], rise, atol=0.008)
+    np.testing.assert_allclose(gait.record["steps"]["felt"][0], rise, atol=0.008)
     assert run["centre"][-1, 0] > 0.9
     assert path_error(run) < 0.06
     late = run["phase"][run["t"] > 4.0].max()
@@ -292,7 +297,9 @@ def test_humanoids_walk_on_their_soles_and_stop(name):
     """
     robot, speed, hastes = hp.load_robot(name), 0.3 if name == "icub" else 0.4, []
     gait = hp.WalkingGait(robot, velocity=((0.3, speed, 0.0, 0.0), (5.0, 0.0, 0.0, 0.0)))
-    run = walk(gait, duration=7.0, on_tick=lambda _: hastes.append(gait.record["haste"][0]))
+    run = walk(
+        gait, duration=7.0, on_tick=lambda _: hastes.append(gait.record["steps"]["haste"][0])
+    )
     assert run.ending == "completed"
     assert hp.measure(run).tilt_max_rad < 0.05
     assert path_error(run) < 0.03
@@ -300,7 +307,9 @@ def test_humanoids_walk_on_their_soles_and_stop(name):
     steady = (t > 2.5) & (t < 5.0)
     assert np.polyfit(t[steady], run["centre"][steady, 0], 1)[0] == pytest.approx(speed, rel=0.03)
     lengths = np.diff(t[np.flatnonzero(np.diff(run["steps"])) + 1])[3:8]
-    by_the_clock = min(gait.step_duration, gait.record["stride"][0] / speed) / np.mean(hastes)
+    by_the_clock = min(gait.step_duration, gait.record["pace"]["stride"][0] / speed) / np.mean(
+        hastes
+    )
     assert np.mean(lengths) == pytest.approx(
         (1.0 - 0.1 * (1.0 - gait.double_support)) * by_the_clock, rel=0.08
     )
@@ -344,9 +353,14 @@ def test_steps_to_the_side_are_as_wide_as_planned(name):
     p = gait.record[0]
 
     def see(_):
-        swings = p["in_air"].any() and p["phase"] > 0.25
+        swings = p["steps"]["in_air"].any() and p["steps"]["phase"] > 0.25
         seen.append(
-            (p["haste"], np.ptp(p["middle"][:, 1]), np.ptp(p["measured"]["place"][:, 1]), swings)
+            (
+                p["steps"]["haste"],
+                np.ptp(p["footholds"]["middle"][:, 1]),
+                np.ptp(p["measured"]["place"][:, 1]),
+                swings,
+            )
         )
 
     run = walk(gait, duration=5.0, on_tick=see)

@@ -15,7 +15,10 @@ from needs import needs_robots
 
 import harpy_pin as hp
 from harpy_pin.gaits.fitting import leg_length
-from harpy_pin.gaits.walking.build import build_of, holding_load, why_no_walk
+from harpy_pin.gaits.walking import WalkingParameters
+from harpy_pin.gaits.walking.build import build_of
+from harpy_pin.gaits.walking.can_walk import why_no_walk
+from harpy_pin.gaits.walking.swing_load import holding_load
 from harpy_pin.model.legs import legs
 from harpy_pin.model.tree import feet_moved
 from harpy_pin.wbc import (
@@ -125,7 +128,8 @@ def test_a_waist_is_no_part_of_a_walk_s_build(biped):
     """
     robots = biped(waist=("waist",)), biped()
     with_waist, without = (
-        build_of(robot, hp.Standing(robot).initial_state()[0]) for robot in robots
+        build_of(robot, hp.Standing(robot).initial_state()[0], WalkingParameters())
+        for robot in robots
     )
     for name in ("leg", "reach", "hip", "sole"):
         np.testing.assert_allclose(getattr(with_waist, name), getattr(without, name), atol=1e-6)

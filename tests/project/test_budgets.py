@@ -18,11 +18,11 @@ import harpy_pin
 ROOT = Path(__file__).resolve().parents[2]
 CONTRIB = "harpy_pin/contrib/"
 STATEMENTS = {
-    "harpy_pin": 25_250,
+    "harpy_pin": 25_400,
     CONTRIB: 5_000,
     "reproduction": 2_100,
     "comparison": 6_970,
-    "tests": 27_300,
+    "tests": 27_440,
 }
 """Most statements of the Python files that Git tracks in a folder; ``harpy_pin`` is without
 contrib.

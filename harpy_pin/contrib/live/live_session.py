@@ -465,7 +465,10 @@ class LiveSession:
         from standing.
         """
         gait = cast(WalkingGait, self.gait)
-        always, swinging = bool(gait._record_["always"][0]), bool(gait._record_["in_air"].any())
+        always, swinging = (
+            bool(gait._record_["pace"]["always"][0]),
+            bool(gait._record_["steps"]["in_air"].any()),
+        )
         return float(np.abs(gait.applied).max()) < SLOW and (
             not gait.walking or (always and not swinging)
         )

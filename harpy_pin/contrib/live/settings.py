@@ -11,7 +11,7 @@ import numpy as np
 from harpy_pin import checks
 from harpy_pin.errors import InputError
 from harpy_pin.gaits.commanded import CommandedGait, make_commanded_gait
-from harpy_pin.gaits.walking.build import BY_FEET, SCHEDULES
+from harpy_pin.gaits.walking.schedules import BY_FEET, SCHEDULES
 from harpy_pin.gaits.walking.walking_gait import WalkingGait
 from harpy_pin.ground.ground import Ground, walking_stiffness
 from harpy_pin.model.record import field
@@ -199,10 +199,10 @@ class DriveRanges:
         forward, sideways = (
             min(np.floor(20.0 * v) / 20.0, MAX_SPEED) for v in (gait.max_speed, gait.max_aside)
         )
-        low, high = (round(float(end), 2) for end in gait._record_["height_range"][0])
+        low, high = (round(float(end), 2) for end in gait._record_["planned"]["height_range"][0])
         usual = walking_stiffness(robot)
         share = max(robot.mass / 4.0, 1.0)  # beside the mass of Harpy, kg
-        nominal: Vector = field(gait._record_, "nominal")
+        nominal: Vector = field(gait._record_["pace"], "nominal")
         return cls(
             controllers=tuple(name for name, one in CONTROLLERS.items() if one.name != "governed"),
             schedules=_schedules(robot),

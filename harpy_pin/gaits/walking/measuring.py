@@ -15,9 +15,6 @@ from harpy_pin.model.terms import place_bodies
 from harpy_pin.model.tree import TreeRecord
 from harpy_pin.model.vectors import rotation_in_plane
 
-LOAD_SHARE = 0.5
-"""Share of the last sample in the load of a foot: noise must not look like a touchdown."""
-
 
 @kernel
 def measure(p: WalkingRecord, q: Vector, v: Vector, foot_force: Vector) -> bool:
@@ -27,13 +24,13 @@ def measure(p: WalkingRecord, q: Vector, v: Vector, foot_force: Vector) -> bool:
     m = p.measured
     if not (all_possible(q) and all_possible(v) and is_unit(q) and all_possible_rows(foot_force)):
         return False
-    place_bodies(p.tree, q, v)
+    place_bodies(m.tree, q, v)
     x, y, z, w = q[3], q[4], q[5], q[6]
     m.heading = np.arctan2(2.0 * (x * y + w * z), 1.0 - 2.0 * (y * y + z * z))
-    if p.facing != 0.0:
-        m.heading = wrapped(m.heading + p.facing)
-    m.body[:3], m.body[3:] = q[:3], p.tree.rotation @ v[:3]
-    _measure_centre(p.tree, m)
+    if p.build.facing != 0.0:
+        m.heading = wrapped(m.heading + p.build.facing)
+    m.body[:3], m.body[3:] = q[:3], m.tree.rotation @ v[:3]
+    _measure_centre(m.tree, m)
     if not p.terrain.level:
         above_ground(p)
     _measure_feet(p, m, foot_force)
@@ -57,12 +54,12 @@ def measure_drift(p: WalkingRecord) -> None:
 @kernel
 def _find_line(p: WalkingRecord, m: MeasuredRecord) -> None:
     """Direction of the line of two stance feet of four or more."""
-    held = np.where(p.in_air == 0.0, 1.0, 0.0)
+    held = np.where(p.steps.in_air == 0.0, 1.0, 0.0)
     first = np.argmax(held)
     line = 2.0 * m.place[first, :2] - held @ m.place[:, :2]
     length = np.hypot(*line)
     m.line[:] = 0.0
-    if np.sum(held) == 2.0 and p.group.shape[0] > 2 and length > 0.0:
+    if np.sum(held) == 2.0 and p.pace.group.shape[0] > 2 and length > 0.0:
         m.line[:] = line / length
 
 
@@ -73,10 +70,11 @@ def _held_turning(p: WalkingRecord, m: MeasuredRecord) -> float:
     """
     axes, total = rotation_in_plane(m.heading), 0.0
     line = axes.T @ m.line
-    for k in range(p.group.shape[0]):
-        if p.in_air[k] != 0.0:
-            motion = np.array((p.swing[k, 1, 0], p.swing[k, 1, 1], p.lift[k, 1])) - m.body[3:6]
-            total += line @ (p.turning[k, :2] @ np.array((*(axes.T @ motion[:2]), motion[2])))
+    for k in range(p.pace.group.shape[0]):
+        if p.steps.in_air[k] != 0.0:
+            motion = np.array((*p.swing.motion[k, 1, :2], p.swing.lift[k, 1])) - m.body[3:6]
+            velocity = np.array((*(axes.T @ motion[:2]), motion[2]))
+            total += line @ (p.build.turning[k, :2] @ velocity)
     return float(total)
 
 
@@ -86,7 +84,7 @@ def above_ground(p: WalkingRecord) -> None:
     how they change.
     """
     m = p.measured
-    m.ground, along, across = fit_plane(p.terrain, m.body[0], m.body[1], p.ground_reach)
+    m.ground, along, across = fit_plane(p.terrain, m.body[0], m.body[1], p.pace.ground_reach)
     m.body[2] -= m.ground
     m.centre[2] -= m.ground
     m.body[5] -= along * m.body[3] + across * m.body[4]
@@ -122,21 +120,30 @@ def _add_body(t: TreeRecord, i: int, place: Vector, velocity: Vector, spin: Vect
 @kernel
 def _measure_feet(p: WalkingRecord, m: MeasuredRecord, foot_force: Vector) -> None:
     """Contact points, and of each foot its middle, heading and load."""
-    t, feet = p.tree, m.place.shape[0]
+    t, b = m.tree, p.build
+    feet = m.place.shape[0]
     share = feet / m.point.shape[0]
     m.place[:] = 0.0
-    m.load *= 1.0 - LOAD_SHARE
+    m.load *= 1.0 - p.tuned.load_filter
     for n in range(m.point.shape[0]):
-        i, k = p.point_body[n], p.foot[n]
-        m.point[n] = m.body[:3] + t.rotation @ (t.position[i] + t.axes[i] @ p.point_offset[n])
+        i, k = b.point_body[n], b.foot[n]
+        m.point[n] = m.body[:3] + t.rotation @ (t.position[i] + t.axes[i] @ b.point_offset[n])
         if not p.terrain.level:
             m.point[n, 2] += m.ground - surface_height(p.terrain, m.point[n, 0], m.point[n, 1])
         m.place[k] += share * m.point[n]
-        m.load[k] += LOAD_SHARE * foot_force[n, 2]
+        m.load[k] += p.tuned.load_filter * foot_force[n, 2]
     along, across = np.zeros(feet), np.zeros(feet)
     for n in range(m.point.shape[0]):
-        k = p.foot[n]
+        k = b.foot[n]
         x, y = m.point[n, :2] - m.place[k, :2]
-        along[k] += p.corner[n, 0] * x + p.corner[n, 1] * y
-        across[k] += p.corner[n, 0] * y - p.corner[n, 1] * x
-    m.turned[:] = np.where(p.soles, np.arctan2(across, along), m.heading)
+        along[k] += b.corner[n, 0] * x + b.corner[n, 1] * y
+        across[k] += b.corner[n, 0] * y - b.corner[n, 1] * x
+    m.turned[:] = np.where(b.soles, np.arctan2(across, along), m.heading)
+
+
+@kernel
+def forget_load(m: MeasuredRecord, k: int) -> None:
+    """The load of a foot that is lifted is of its stance: at few ticks a step it would look like a
+    touchdown.
+    """
+    m.load[k] = 0.0

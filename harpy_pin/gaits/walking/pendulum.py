@@ -20,30 +20,13 @@ from harpy_pin.model.state import Vector
 from harpy_pin.model.vectors import rotation_in_plane
 
 if TYPE_CHECKING:
+    from harpy_pin.gaits.walking.parameters import TunedRecord
     from harpy_pin.gaits.walking.record import WalkingRecord
 
 SAME = 1e-6
 """Distance below which two points are one, m."""
 TINY = 1e-12
 """Area below which three points are on one line, m²."""
-SETTLE = 0.9
-"""Share of its swing after which a foot is at the ground, or almost; from there on it goes down
-slowly, so as not to land hard.
-"""
-UPRIGHT_END = 0.1
-"""Least share of its swing, at the end, in which a foot moves vertically."""
-NEAR, STRAIGHT_NEAR = 0.166, 0.185
-"""Share of its swing, at the end, in which a foot is near to the ground: one that goes down slowly,
-nearer than 5 % of its clearance; others, 4 %.
-"""
-STUCK, OUT = 0.03, 0.12
-"""Least share of its swing in which a foot that is in the ground goes straight up, and share after
-which it has left ground that gives way.
-"""
-CREEP = 0.14
-"""Largest horizontal velocity with which a foot comes that near, and leaves the ground, as a share
-of ω times the body's height.
-"""
 RACE = 95.0
 """Horizontal velocity of a foot at a share s of its swing after it starts, and before it stops,
 over s² and the velocity of the walk.
@@ -103,28 +86,28 @@ def toward(
 
 
 @kernel
-def upright_end(speed: float, natural: float, near: float) -> float:
+def upright_end(w: TunedRecord, speed: float, natural: float, near: float) -> float:
     """Share of its swing, at the end, in which a foot moves vertically, at a speed of the walk.
 
     A foot that meets the ground while it moves across it is thrown up by contacts that are convex,
     such as MuJoCo's, at μ times that velocity. So a fast one stops earlier. ``natural`` is ω times
-    the body's height, ``near`` is :data:`NEAR`.
+    the body's height, ``near`` the share in which the foot is near to the ground.
     """
     if speed <= 0.0:
-        return UPRIGHT_END
-    return float(max(near - np.sqrt(CREEP * natural / (RACE * speed)), UPRIGHT_END))
+        return w.upright_end
+    return float(max(near - np.sqrt(w.creep * natural / (RACE * speed)), w.upright_end))
 
 
 @kernel
-def upright_begin(speed: float, natural: float) -> float:
+def upright_begin(w: TunedRecord, speed: float, natural: float) -> float:
     """Share of its swing, at the beginning, in which a foot goes straight up that is in the ground.
 
     Ground that gives way follows a foot that rises, and holds on to one that moves across it faster
     than it rises. Arguments as of :func:`upright_end`.
     """
     if speed <= 0.0:
-        return STUCK
-    return float(max(OUT - np.sqrt(CREEP * natural / (RACE * speed)), STUCK))
+        return w.stuck
+    return float(max(w.out - np.sqrt(w.creep * natural / (RACE * speed)), w.stuck))
 
 
 @kernel(points=("n", 2))
@@ -170,9 +153,9 @@ def stance_points(p: WalkingRecord, without: int, margin: float, out: Vector) ->
     """
     m, count = p.measured, 0
     for n in range(m.point.shape[0]):
-        k = p.foot[n]
-        if p.in_air[k] == 0.0 and p.group[k] != without and not is_lifted(p, n):
-            middle = p.pivot if rolls(p, k) else m.place[k]
+        k = p.build.foot[n]
+        if p.steps.in_air[k] == 0.0 and p.pace.group[k] != without and not is_lifted(p, n):
+            middle = p.roll.pivot if rolls(p, k) else m.place[k]
             out[count] = m.point[n, :2] + margin * (middle[:2] - m.point[n, :2])
             count += 1
     return count
@@ -183,8 +166,9 @@ def change_after(p: WalkingRecord, share: float, time: float) -> Vector:
     """Change of the applied velocity after a time, forward and to the left, towards a share of the
     goal, m/s.
     """
-    change = share * p.goal[:2] - p.velocity[:2]
-    needed = np.hypot(change[0] / p.acceleration[0], change[1] / p.acceleration[1])
+    u = p.planned
+    change = share * u.goal[:2] - u.velocity[:2]
+    needed = np.hypot(change[0] / u.acceleration[0], change[1] / u.acceleration[1])
     return (time / needed if needed > time else 1.0) * change
 
 
@@ -193,15 +177,16 @@ def desired_after(p: WalkingRecord, time: float) -> Vector:
     """Velocity of the centre of mass that is asked for after a time, m/s: it goes on towards the
     goal, and turns.
     """
-    velocity = p.velocity[:2] + change_after(p, 1.0, time)
-    return rotation_in_plane(p.path[2] + time * p.velocity[2]) @ velocity + p.back
+    u = p.planned
+    velocity = u.velocity[:2] + change_after(p, 1.0, time)
+    return rotation_in_plane(u.path[2] + time * u.velocity[2]) @ velocity + u.back
 
 
 @kernel
 def hip_place(p: WalkingRecord, k: int, time: float) -> Vector:
     """Where the hip of foot k is after a time, if the centre of mass goes on as it does, m."""
     m = p.measured
-    place: Vector = m.centre[:2] + time * m.drift + rotation_in_plane(m.heading) @ p.nominal[k]
+    place: Vector = m.centre[:2] + time * m.drift + rotation_in_plane(m.heading) @ p.pace.nominal[k]
     return place
 
 
@@ -210,8 +195,8 @@ def real_duration(p: WalkingRecord) -> float:
     """Duration of the present step, s: a sole meets the ground when it has come down, a little
     before its time.
     """
-    early = (1.0 - SETTLE) * (1.0 - p.double_support) if p.soles else 0.0
-    return float((1.0 - early) * p.step_duration)
+    early = (1.0 - p.tuned.settle) * (1.0 - p.steps.double_support) if p.build.soles else 0.0
+    return float((1.0 - early) * p.steps.duration)
 
 
 @kernel

@@ -21,15 +21,6 @@ from harpy_pin.model.vectors import rotation_in_plane
 if TYPE_CHECKING:
     from harpy_pin.gaits.walking.record import WalkingRecord
 
-ROLL, SHORT, MOST_ROLL = 0.9, 0.05, 0.6
-"""Largest pitch per way of a step in lengths of the leg, less that of a short step, on which a sole
-stays flat; and largest of all, rad.
-"""
-BEGIN, FLAT_AGAIN = 0.3, 0.6
-"""Share of the double support at which the pitch begins, until which the other edge is unloaded;
-and share of the swing at which it ends.
-"""
-
 
 def soles_of(corner: Vector, foot: NDArray[np.int64]) -> tuple[Vector, Vector]:
     """Where the contact points of rectangular soles are in the axes of their soles.
@@ -62,19 +53,20 @@ def plan_roll(p: WalkingRecord) -> None:
     it.
     """
     stay_flat(p)
-    if not p.soles or p.group.shape[0] != 2 or p.groups != 2 or not p.terrain.level:
+    b, w, pace = p.build, p.tuned, p.pace
+    if not b.soles or pace.group.shape[0] != 2 or pace.groups != 2 or not p.terrain.level:
         return
-    m, k = p.measured, 0 if p.group[0] == p.swings else 1
+    m, k = p.measured, 0 if pace.group[0] == p.steps.swings else 1
     way = float((m.place[1 - k, :2] - m.place[k, :2]) @ ahead_of(p, k, m.turned[k]))
-    size = min(max(ROLL * abs(way) / p.leg - SHORT, 0.0), MOST_ROLL)
-    p.roll = size if way > 0.0 else -size
+    size = min(max(w.roll * abs(way) / b.leg - w.flat_roll, 0.0), w.max_roll)
+    p.roll.largest = size if way > 0.0 else -size
 
 
 @kernel
 def stay_flat(p: WalkingRecord) -> None:
     """No foot rolls."""
-    p.roll = 0.0
-    p.pitch[:] = 0.0
+    p.roll.largest = 0.0
+    p.roll.pitch[:] = 0.0
 
 
 @kernel
@@ -82,45 +74,47 @@ def roll_on(p: WalkingRecord) -> None:
     """Pitch, its rate and its acceleration at the present phase: θ = 64 u³ (1 − u)³ of the largest
     one.
     """
-    p.pitch[:] = 0.0
-    begin = BEGIN * p.double_support
-    length = p.double_support - begin + FLAT_AGAIN * (1.0 - p.double_support)
-    u, rate = (p.phase - begin) / length, p.haste / (length * p.step_duration)
-    if p.roll != 0.0 and u > 0.0 and u < 1.0:
-        bump, slope, most = u * (1.0 - u), 1.0 - 2.0 * u, 64.0 * p.roll
-        p.pitch[0] = most * bump**3
-        p.pitch[1] = 3.0 * most * bump**2 * slope * rate
-        p.pitch[2] = 6.0 * most * bump * (slope**2 - bump) * rate**2
+    r, s = p.roll, p.steps
+    r.pitch[:] = 0.0
+    begin = p.tuned.roll_begin * s.double_support
+    length = s.double_support - begin + p.tuned.roll_end * (1.0 - s.double_support)
+    u, rate = (s.phase - begin) / length, s.haste / (length * s.duration)
+    if r.largest != 0.0 and u > 0.0 and u < 1.0:
+        bump, slope, most = u * (1.0 - u), 1.0 - 2.0 * u, 64.0 * r.largest
+        r.pitch[0] = most * bump**3
+        r.pitch[1] = 3.0 * most * bump**2 * slope * rate
+        r.pitch[2] = 6.0 * most * bump * (slope**2 - bump) * rate**2
         _find_pivot(p)
 
 
 @kernel
 def _find_pivot(p: WalkingRecord) -> None:
     """Middle of the edge about which the foot rolls, where it is."""
-    ends = (p.group[p.foot] == p.swings) & (p.own[:, 0] * p.roll > 0.0)
+    b = p.build
+    ends = (p.pace.group[b.foot] == p.steps.swings) & (b.own[:, 0] * p.roll.largest > 0.0)
     share = ends / max(np.sum(ends), 1)
-    p.pivot[:] = share @ p.measured.point
+    p.roll.pivot[:] = share @ p.measured.point
 
 
 @kernel
 def rolls(p: WalkingRecord, k: int) -> bool:
     """Whether foot k has a pitch now."""
-    rolling: bool = p.pitch[0] != 0.0 and p.group[k] == p.swings
+    rolling: bool = p.roll.pitch[0] != 0.0 and p.pace.group[k] == p.steps.swings
     return rolling
 
 
 @kernel
 def ahead_of(p: WalkingRecord, k: int, heading: float) -> Vector:
     """Horizontal direction (2,) in which the sole of foot k with this heading is long."""
-    angle = heading + p.askew[k]
+    angle = heading + p.build.askew[k]
     return np.array([np.cos(angle), np.sin(angle)])
 
 
 @kernel
 def is_lifted(p: WalkingRecord, n: int) -> bool:
     """Whether a contact point of a stance foot is off the ground, because the foot rolls."""
-    off: bool = rolls(p, p.foot[n]) and p.phase <= p.double_support and p.own[n, 0] * p.roll < 0.0
-    return off
+    behind: bool = p.build.own[n, 0] * p.roll.largest < 0.0
+    return rolls(p, p.build.foot[n]) and p.steps.phase <= p.steps.double_support and behind
 
 
 @kernel
@@ -128,9 +122,10 @@ def share_of_edge(p: WalkingRecord, n: int) -> float:
     """Share of its usual load of a contact point of a stance foot: it falls to zero where the foot
     is about to roll.
     """
-    if p.roll == 0.0 or p.group[p.foot[n]] != p.swings or p.own[n, 0] * p.roll > 0.0:
+    b, s, largest = p.build, p.steps, p.roll.largest
+    if largest == 0.0 or p.pace.group[b.foot[n]] != s.swings or b.own[n, 0] * largest > 0.0:
         return 1.0
-    return float(min(max(1.0 - p.phase / (BEGIN * p.double_support), 0.0), 1.0))
+    return float(min(max(1.0 - s.phase / (p.tuned.roll_begin * s.double_support), 0.0), 1.0))
 
 
 @kernel
@@ -138,8 +133,9 @@ def tip(p: WalkingRecord, o: GaitTargetRecord, n: int, heading: float) -> None:
     """Turn the target of a contact point of a flat foot with this heading about the edge over which
     the foot rolls.
     """
-    k, arm, (pitch, rate, bend) = p.foot[n], -2.0 * p.own[n, 0], p.pitch
-    if not rolls(p, k) or p.own[n, 0] * p.roll > 0.0:
+    b, (pitch, rate, bend) = p.build, p.roll.pitch
+    k, arm = b.foot[n], -2.0 * b.own[n, 0]
+    if not rolls(p, k) or b.own[n, 0] * p.roll.largest > 0.0:
         return
     c, s, ahead = arm * np.cos(pitch), arm * np.sin(pitch), ahead_of(p, k, heading)
     o.foot_position[n] += np.array([*((arm - c) * ahead), s])
@@ -154,10 +150,11 @@ def lift_corner(p: WalkingRecord, o: GaitTargetRecord, n: int) -> None:
     """Target of a contact point that is lifted: it turns about the edge, where that is, and bears
     no load.
     """
-    heading = p.measured.turned[p.foot[n]]
-    corner = np.array([2.0 * p.own[n, 0], p.own[n, 1]])
-    o.foot_position[n] = p.pivot - o.body[:3]
-    o.foot_position[n, :2] += rotation_in_plane(heading + p.askew[p.foot[n]]) @ corner
+    b, k = p.build, p.build.foot[n]
+    heading = p.measured.turned[k]
+    corner = np.array([2.0 * b.own[n, 0], b.own[n, 1]])
+    o.foot_position[n] = p.roll.pivot - o.body[:3]
+    o.foot_position[n, :2] += rotation_in_plane(heading + b.askew[k]) @ corner
     o.foot_velocity[n, 2] = -o.body[5]
     tip(p, o, n, heading)
     o.stance[n] = o.phase[n] = o.load[n] = 0.0
@@ -172,7 +169,8 @@ def flat_place(p: WalkingRecord, k: int) -> Vector:
     if not rolls(p, k):
         return place
     end = 0.0
-    for n in range(p.foot.shape[0]):
-        if p.foot[n] == k and p.own[n, 0] * p.roll > 0.0:
-            end = p.own[n, 0]
-    return p.pivot - end * np.array([*ahead_of(p, k, p.measured.turned[k]), 0.0])
+    b = p.build
+    for n in range(b.foot.shape[0]):
+        if b.foot[n] == k and b.own[n, 0] * p.roll.largest > 0.0:
+            end = b.own[n, 0]
+    return p.roll.pivot - end * np.array([*ahead_of(p, k, p.measured.turned[k]), 0.0])

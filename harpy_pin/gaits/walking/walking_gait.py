@@ -15,82 +15,21 @@ from harpy_pin.gaits.fitting import GRAVITY, fitting_parameters
 from harpy_pin.gaits.gait import LONGEST, GaitTarget, Unobserved, refuse_time
 from harpy_pin.gaits.standing import Standing
 from harpy_pin.gaits.velocity import FollowsVelocity, Velocity, warn_maker
-from harpy_pin.gaits.walking.build import (
-    BY_FEET,
-    Build,
-    Pace,
-    build_of,
-    draw_together,
-    groups_of,
-    pace_of,
-    why_no_walk,
-)
-from harpy_pin.gaits.walking.footholds import APART
+from harpy_pin.gaits.walking.build import build_of
+from harpy_pin.gaits.walking.can_walk import why_no_walk
 from harpy_pin.gaits.walking.measuring import measure
-from harpy_pin.gaits.walking.pendulum import NEAR, SETTLE, STRAIGHT_NEAR
-from harpy_pin.gaits.walking.record import MeasuredRecord, WalkingRecord
-from harpy_pin.gaits.walking.rolling import soles_of
+from harpy_pin.gaits.walking.pace import pace_of
+from harpy_pin.gaits.walking.parameters import WalkingParameters, changed, parameters_of
+from harpy_pin.gaits.walking.record import WalkingRecord, walking_record
+from harpy_pin.gaits.walking.schedules import BY_FEET, draw_together, groups_of
 from harpy_pin.gaits.walking.tick import advance
-from harpy_pin.ground.surface import flat_terrain
 from harpy_pin.kernels.calls import Call
 from harpy_pin.model.entry import as_state
 from harpy_pin.model.legs import legs
 from harpy_pin.model.memory import fixed_arrays
-from harpy_pin.model.record import Records, field, make_record
+from harpy_pin.model.record import Records, field
 from harpy_pin.model.robot import SOLE_JOINTS, Robot
 from harpy_pin.model.state import State, Vector
-from harpy_pin.model.tree import tree_record
-
-FULL_GRIP, SLOWEST = 0.6, 0.07
-"""Friction coefficient from which on a robot on soles walks at its largest speed; below, at a share
-of it, but at this speed at least, in √(g leg).
-"""
-SLIPPERY, FIRM = 0.1, 0.2
-"""Friction coefficients between which a robot on soles steps more and more as on firm ground. Where
-it is slippery its feet stand close to each other, so that it sways less. They hand over the load
-quickly, because that is when they slip.
-"""
-CLOSE, SWIFT = 0.025, 0.05
-"""There: distance between the two soles, m, and share of a step in which both are on the ground."""
-START = 1.6
-"""Time for which it stands on every foot before the first step, in √(leg / g)."""
-CLEARANCE = 0.075
-"""Height of a foot at mid-swing, in lengths of the leg."""
-OFFSET = 0.0015
-"""How much deeper than the ground a swing foot aims, m."""
-ACCELERATION, TURN_ACCELERATION = 1.0, 3.0
-"""Largest change of the applied velocity, m/s², and so of its direction in a turn; and of the
-turning one, rad/s².
-"""
-ASIDE, SHIFT = 0.117, 0.012
-"""On two soles: largest velocity sideways, in √(g leg), and how far a change of velocity to the
-side may move a foothold towards the other foot, m: beyond, it would have to land on that.
-"""
-MOST_TURN = 2.0
-"""Largest turning velocity, rad/s."""
-SWAY = 0.01
-"""Distance of two groups of feet below which the body does not sway between them, in heights of the
-centre of mass.
-"""
-LEAN, STEEPEST = 0.45, 0.5
-"""On two points: distance of the centre of mass from the stance foot at which the next one should
-land, and largest distance of a foothold, in heights of the centre of mass. Of a pendulum it is the
-friction that it needs.
-"""
-LOW, AIM = 0.02, 0.2
-"""In trots and paces, height from which on a foot goes down slowly, in clearances, and how far
-below the ground it then aims, as a share of the penetration offset. A foot that lands hard slips:
-inertia of its leg turns it aside.
-"""
-LOAD_RAMP, FAST_LOAD_RAMP = 0.26, 0.4
-"""In trots and paces, share of its largest normal force up to which a foot is loaded that is about
-to take over its part of the load, or begins to give it away, slow and at the largest speed; in
-other walks, all of it at once.
-"""
-LOADED, MIN_LOADED = 0.03, 0.6
-"""Normal force from which on a foot touches the ground, as a share of its load when standing, and
-least, N.
-"""
 
 
 @fixed_arrays("applied", "command", "record")
@@ -122,6 +61,7 @@ class WalkingGait(FollowsVelocity):
         clearance: height of a foot at mid-swing, m.
         max_speed: largest velocity of a foot's place, m/s; by default what legs can reach and
             motors can hold and swing, √(g leg) at most.
+        parameters: the tuned numbers; or those that differ, by name.
 
     Attributes:
         step_duration: of a slow walk, s.
@@ -129,6 +69,7 @@ class WalkingGait(FollowsVelocity):
         command: (4,) the present command; set it in place.
         applied: (4,) the velocity that is applied, of the height m/s; read only.
         schedule: its name.
+        parameters: the tuned numbers.
         limited_by: what :attr:`max_speed` is not larger for, in words, such as ``the torques of its
             motors``.
         record: all that it knows and remembers, for kernels.
@@ -136,8 +77,8 @@ class WalkingGait(FollowsVelocity):
         script: rows (t, command).
 
     Raises:
-        InputError: values out of their domains, an unknown schedule, another number of feet, or
-            legs that cannot walk.
+        InputError: values out of their domains, an unknown schedule or parameter, another number of
+            feet, or legs that cannot walk.
     """
 
     @checked
@@ -150,6 +91,7 @@ class WalkingGait(FollowsVelocity):
         posture: ArrayLike | None = None,
         clearance: float | None = None,
         max_speed: float | None = None,
+        parameters: WalkingParameters | Mapping[str, Any] | None = None,
     ) -> None:
         feet = len(robot.corners)
         if feet not in BY_FEET:
@@ -157,120 +99,51 @@ class WalkingGait(FollowsVelocity):
                 f"the gait needs two, four or six feet; '{robot.name}' has {feet}", name="robot"
             )
         super().__init__(robot)
+        self.parameters = w = parameters_of(parameters)
         self._standing = Standing(robot, posture)
         q, v = self._standing.initial_state()
-        build, soles = build_of(robot, q), bool(robot.flat_feet)
-        natural = float(np.sqrt(build.leg / GRAVITY))
-
-        def optional(name: str, value: float | None, high: float) -> float | None:
-            return (
-                None
-                if value is None
-                else checks.number(name, value, low=0.0, high=high, strict=True)
-            )
-
+        self._build = build = build_of(robot, q, w)
         self.schedule = next(iter(BY_FEET[feet])) if schedule is None else schedule
         if self.schedule != "stand" and (why := why_no_walk(robot)):
             raise InputError(why, name="robot")
-        if (
-            feet == 2
-            and not soles
-            and (most_joints := max(len(leg.joints) for leg in legs(robot))) >= SOLE_JOINTS
-        ):
+        most_joints = max(len(leg.joints) for leg in legs(robot))
+        if feet == 2 and not robot.flat_feet and most_joints >= SOLE_JOINTS:
             warn_maker(
                 f"'{robot.name}' has points as feet on legs of {most_joints} joints: flat_feet "
                 f"makes them soles"
             )
-        clearance = optional("clearance", clearance, build.leg) or CLEARANCE * build.leg
-        group = groups_of(self.schedule, build.place[:, :2] - build.place[:, :2].mean(axis=0))
-        most = optional("max_speed", max_speed, 20.0)
-        pace, self.limited_by = pace_of(robot, q, build, group, clearance, max_speed=most)
-        self._build, self._pace, self._chosen_speed = build, pace, max_speed is not None
-        self.step_duration, self.double_support = pace.usual_step, pace.fast_double_support
-        self.record: Records[WalkingRecord] = self._make_record(
-            build,
-            pace,
-            group,
-            start_time=0.0 if feet == 2 and not soles else START * natural,
-            clearance=clearance,
+        self._group = groups_of(self.schedule, build.place[:, :2] - build.place[:, :2].mean(axis=0))
+        if clearance is None:
+            clearance = w.clearance * build.leg
+        clearance = checks.number("clearance", clearance, low=0.0, high=build.leg, strict=True)
+        if max_speed is not None:
+            max_speed = checks.number("max_speed", max_speed, low=0.0, high=20.0, strict=True)
+        self._pace, most, self.limited_by = pace_of(
+            robot, q, build, self._group, clearance, w, max_speed=max_speed
         )
-        self._measured = self._record_["measured"]
-        self._follow(velocity)
+        self.step_duration = self._pace.usual_step
+        self.double_support = self._pace.fast_double_support
+        self.record: Records[WalkingRecord] = walking_record(
+            robot,
+            build,
+            self._pace,
+            self._group,
+            w,
+            clearance=clearance,
+            max_speed=most,
+            steps_at_rest=self.schedule == "step",
+        )
+        parts: Any = self._record_
+        self._seen: NDArray[np.int64] = parts["measured"]["seen"]
+        self._time: Vector = parts["time"]
+        self._chosen_speed = max_speed is not None
+        self._follow(velocity, parts["planned"], parts["steps"])
+        # Largest speeds on firm ground
+        self._firm = most, float(self._followed["max_aside"][0])
         self.controller_parameters = fitting_parameters(robot, leg=build.leg, rise=build.rise)
         self._begin()
         measure.prepare(self._record_, q, v, np.zeros((len(robot.feet), 3)))
         advance.prepare(0.0, self._record_, self.target._record_)
-
-    def _make_record(
-        self, build: Build, pace: Pace, group: NDArray[np.int64], **settings: float
-    ) -> Records[WalkingRecord]:
-        """The record of a robot of this build that stands."""
-        robot, feet, soles = self.robot, len(build.place), bool(self.robot.flat_feet)
-        frames = [robot.model.frames[robot.frame_id(name)] for name in robot.feet]
-        nominal = build.place[:, :2] - build.place[:, :2].mean(axis=0)
-        groups, gentle = int(group.max()) + 1, pace.gentle
-        balances = feet == 2 and not soles and groups == 2
-        sways = groups == 2 and draw_together(nominal, group, build.narrow) > SWAY * build.rise
-        known, omega = {**vars(build), **vars(pace)}, float(np.sqrt(GRAVITY / build.rise))
-        max_aside, aside = np.inf, ACCELERATION
-        if balances:
-            max_aside = (1.0 - APART) * float(np.ptp(nominal[:, 1])) / pace.usual_step
-        elif feet == 2 and groups == 2:
-            max_aside = ASIDE * float(np.sqrt(GRAVITY * build.leg))
-            aside = SHIFT * float(np.expm1(omega * pace.usual_step)) / pace.usual_step**2
-        self._max_aside = max_aside  # on firm ground
-        if balances:
-            known["reach"] = min(build.reach, STEEPEST * build.rise)
-        corner = (build.point - build.place[build.foot])[:, :2]
-        own, askew = soles_of(corner, build.foot)
-        return make_record(
-            WalkingRecord,
-            {"feet": feet, "entries": 4},
-            tree=tree_record(robot.model),
-            terrain=flat_terrain(),
-            steps_over=np.int64(0),
-            ground_reach=0.0,
-            point_body=np.array([frame.parentJoint - 1 for frame in frames], dtype=np.int64),
-            point_offset=np.array([frame.placement.translation for frame in frames]),
-            corner=corner,
-            own=own,
-            askew=askew,
-            facing=robot.facing,
-            group=group,
-            groups=np.int64(groups),
-            nominal=nominal,
-            middle=(middle := np.array([nominal[group == g].mean(axis=0) for g in range(groups)])),
-            spread=nominal - middle[group],
-            sways=np.int64(sways),
-            step_duration=pace.usual_step,
-            double_support=pace.slow_double_support,
-            penetration_offset=OFFSET,
-            low=LOW * settings["clearance"] if gentle else 0.0,
-            deeper=(AIM if gentle else 1.0) * OFFSET,
-            fast_load_ramp=FAST_LOAD_RAMP if gentle else 1.0,
-            slow_load_ramp=LOAD_RAMP if gentle else 1.0,
-            omega=omega,
-            arrives=1.0 - SETTLE
-            if soles
-            else (NEAR if gentle else STRAIGHT_NEAR)
-            if feet > 2
-            else 0.0,
-            lean=LEAN * build.rise if balances else np.inf,
-            max_aside=max_aside,
-            touch_force=max(LOADED * robot.mass * GRAVITY / feet, MIN_LOADED),
-            acceleration=np.array((ACCELERATION, aside)),
-            turn_acceleration=TURN_ACCELERATION,
-            max_turn=MOST_TURN,
-            max_bend=aside,
-            radius=np.hypot(*nominal.T).max(),
-            height_range=np.array((-0.2, 0.05)) * build.height,
-            always=np.int64(self.schedule == "step" or balances),
-            holds_heading=np.int64(soles or feet > 2),
-            soles=np.int64(soles),
-            **settings,
-            **known,
-            measured=make_record(MeasuredRecord, {"feet": feet, "points": len(robot.feet)}),
-        )
 
     def __repr__(self) -> str:
         forward, left, turning = self.command[:3].tolist()
@@ -280,38 +153,39 @@ class WalkingGait(FollowsVelocity):
     @property
     def max_speed(self) -> float:
         """Largest velocity of a foot's place, m/s: a command beyond it is scaled down."""
-        return float(self._record_["max_speed"][0])
+        return float(self._followed["max_speed"][0])
 
     @property
     def max_aside(self) -> float:
         """Largest velocity sideways, m/s."""
-        return float(min(self._record_["max_speed"][0], self._record_["max_aside"][0]))
+        return float(min(self._followed["max_speed"][0], self._followed["max_aside"][0]))
 
     def expect_friction(self, mu: float) -> None:
         """See :meth:`~harpy_pin.gaits.gait.Gait.expect_friction`.
 
-        On soles the largest velocities fall with it. A speed that was given stays. Below
-        :data:`FIRM` steps change, too.
+        On soles the largest velocities fall with it. A speed that was given stays. Below the
+        parameter ``firm`` steps change, too.
         """
         if not self.robot.flat_feet:
             return
-        r, build, pace = self._record_, self._build, self._pace
-        share = min(mu / FULL_GRIP, 1.0)
+        w, pace, build, group = self.parameters, self._record_["pace"], self._build, self._group
+        share, (fastest, aside) = min(mu / w.full_grip, 1.0), self._firm
         if not self._chosen_speed:
-            slowest = SLOWEST * float(np.sqrt(GRAVITY * build.leg))
-            r["max_speed"] = min(max(pace.max_speed * share, slowest), pace.max_speed)
-        r["max_aside"], r["max_turn"] = share * self._max_aside, share * MOST_TURN
-        if r["sways"][0]:
-            grip, group = min(max((mu - SLIPPERY) / (FIRM - SLIPPERY), 0.0), 1.0), r["group"][0]
+            slowest = w.slowest * float(np.sqrt(GRAVITY * build.leg))
+            self._followed["max_speed"] = min(max(fastest * share, slowest), fastest)
+        self._followed["max_aside"], self._followed["max_turn"] = share * aside, share * w.max_turn
+        if pace["sways"][0]:
+            grip = min(max((mu - w.slippery) / (w.firm - w.slippery), 0.0), 1.0)
             nominal = build.place[:, :2] - build.place[:, :2].mean(axis=0)
             apart = draw_together(nominal, group, build.narrow)
-            close = CLOSE + float(build.sole[1])
+            close = w.slippery_gap + float(build.sole[1])
             draw_together(nominal, group, apart - (1.0 - grip) * max(apart - close, 0.0))
-            r["nominal"] = nominal
+            pace["nominal"], swift = nominal, w.slippery_double_support
             if len(nominal) > 2 or not self.walking:  # two soles take theirs with their next step
-                r["middle"] = [nominal[group == g].mean(axis=0) for g in range(2)]
+                middle = [nominal[group == g].mean(axis=0) for g in range(2)]
+                self._record_["footholds"]["middle"] = middle
             for name in ("slow_double_support", "fast_double_support"):
-                r[name] = SWIFT + grip * (getattr(pace, name) - SWIFT)
+                pace[name] = swift + grip * (getattr(self._pace, name) - swift)
 
     def observe(self, state: State) -> None:
         """See :meth:`~harpy_pin.gaits.gait.Gait.observe`; entries that are not finite are ignored.
@@ -334,7 +208,7 @@ class WalkingGait(FollowsVelocity):
             InputError: t is not finite or beyond 1e9 s, or the velocity's function returned no
                 command.
         """
-        if not self._measured["seen"][0]:
+        if not self._seen[0]:
             message = (
                 "hp.WalkingGait needs the measured state: call observe(state) before update(t)"
             )
@@ -343,9 +217,9 @@ class WalkingGait(FollowsVelocity):
             t = checks.number("t", t)
         if not abs(t) < LONGEST:
             raise refuse_time(t)
-        if t <= 0.0 or t < float(self._record_["time"][0]) - self.step_duration:
+        if t <= 0.0 or t < self._time[0] - self.step_duration:
             self._begin()
-        while t >= self._record_["switch"][0]:
+        while t >= self._switch[0]:
             self._take_row()
         self._ask_function(t)
         advance(float(t), self._record_, self.target._record_)
@@ -365,20 +239,17 @@ class WalkingGait(FollowsVelocity):
 
     def describe(self) -> Mapping[str, Any]:
         """Parameters, limits and script, for the log's metadata."""
-        names = (
-            "double_support",
-            "clearance",
-            "height",
-            "penetration_offset",
-            "reach",
-            "omega",
-            "max_speed",
-        )
+        pace, build = self._record_["pace"][0], self._record_["build"][0]
         return {
             "gait": "walking",
             "schedule": self.schedule,
             "step_duration": self.step_duration,
-            **{name: float(self._record_[name][0]) for name in names},
+            "double_support": float(self._record_["steps"]["double_support"][0]),
+            "penetration_offset": self.parameters.penetration_offset,
+            "max_speed": self.max_speed,
+            **{name: float(pace[name]) for name in ("clearance", "omega")},
+            **{name: float(build[name]) for name in ("height", "reach")},
+            "parameters": changed(self.parameters),
             "command": self.command.tolist(),
             "script": [[t, *command.tolist()] for t, command in self.script],
         }
@@ -387,15 +258,16 @@ class WalkingGait(FollowsVelocity):
         """Command, applied velocity, path and heading; centre of mass and centre of pressure;
         footholds; steps.
         """
+        r = self._record_
         return {
             "command": self.command,
             "applied_velocity": self.applied,
-            "path": field(self._record_, "path"),
+            "path": field(r["planned"], "path"),
             "heading": self.target.heading,
-            "centre": field(self._measured, "centre"),
-            "pressure": field(self._record_, "pressure"),
-            "foothold": field(self._record_, "foothold"),
-            "phase": field(self._record_, "phase"),
-            "steps": field(self._record_, "steps"),
-            "refused_commands": field(self._record_, "refused"),
+            "centre": field(r["measured"], "centre"),
+            "pressure": field(r["demand"], "pressure"),
+            "foothold": field(r["footholds"], "place"),
+            "phase": field(r["steps"], "phase"),
+            "steps": field(r["steps"], "made"),
+            "refused_commands": field(r["planned"], "refused"),
         }

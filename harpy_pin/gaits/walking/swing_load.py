@@ -1,0 +1,128 @@
+"""The torques that a walk takes: of the legs that hold the weight, and of those that swing."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from itertools import pairwise
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from harpy_pin.gaits.fitting import GRAVITY
+from harpy_pin.gaits.walking.build import Build
+from harpy_pin.gaits.walking.pendulum import toward
+from harpy_pin.model.legs import legs
+from harpy_pin.model.robot import Robot
+from harpy_pin.model.state import Vector
+
+SAMPLES = 30
+"""Samples of a swing."""
+ITERATIONS = 6
+"""Iterations of the inverse kinematics at each of them, from the one before."""
+SMALL = 1e-6
+"""Regularises it where a leg is stretched, m²."""
+HALVINGS = 7
+"""How often the range of speeds is halved."""
+
+
+def holding_load(robot: Robot, q: Vector, group: NDArray[np.int64]) -> float:
+    """Largest torque of the motors of the legs that hold the weight, in equal shares, while each
+    group of feet swings, as a share of their limits.
+    """
+    model, data = robot.model, robot.model.createData()
+    weight = pin.computeGeneralizedGravity(model, data, q)
+    pin.computeJointJacobians(model, data, q)
+    pin.updateFramePlacements(model, data)
+    found, worst = legs(robot), 0.0
+    for swinging in range(int(group.max()) + 1):
+        holding = [
+            leg for leg, number in zip(found, group, strict=True) if number != swinging
+        ] or found
+        for leg in holding:
+            frames = [robot.frame_id(name) for name in leg.points]
+            up = np.mean(
+                [pin.getFrameJacobian(model, data, k, pin.LOCAL_WORLD_ALIGNED)[2] for k in frames],
+                axis=0,
+            )
+            joints = [model.joints[j].idx_v for j in leg.joints]
+            torque = weight[joints] - up[joints] * robot.mass * GRAVITY / len(holding)
+            worst = max(worst, float(np.max(np.abs(torque) / model.effortLimit[joints])))
+    return worst
+
+
+def swing_load(
+    robot: Robot,
+    q: Vector,
+    build: Build,
+    speed: float,
+    step_duration: float,
+    double_support: float,
+    clearance: float,
+    upright: float,
+) -> float:
+    """Largest torque of the motors of a leg that swings, as a share of their limits; of the weakest
+    leg.
+
+    The body goes straight on at the speed; a foot goes from half a stance behind its place to half
+    a stance ahead. It moves vertically in the share ``upright`` of its swing, at the end.
+    """
+    model, data = robot.model, robot.model.createData()
+    duration = (1.0 - double_support) * step_duration
+    time, rest = np.linspace(0.0, duration, SAMPLES), (1.0 - upright) * duration
+    ahead = np.array([toward(0.0, 0.0, 0.0, 1.0, rest, min(t, rest))[0] for t in time])
+    u = np.minimum(time / rest, 1.0)
+    way = np.zeros((SAMPLES, 3))
+    way[:, 0] = speed * (
+        2.0 * step_duration * ahead - 0.5 * (1.0 + double_support) * step_duration - time
+    )
+    way[:, 2] = q[2] - build.height + 64.0 * clearance * (u * (1.0 - u)) ** 3
+    worst = 0.0
+    for leg in legs(robot):
+        joints = [model.joints[j].idx_v for j in leg.joints]
+        path = _follow(robot, q, leg.points[0], joints, way)
+        rate = [pin.difference(model, a, b) / time[1] for a, b in pairwise(path)]
+        for i in range(1, SAMPLES - 1):
+            torque = pin.rnea(
+                model,
+                data,
+                path[i],
+                0.5 * (rate[i - 1] + rate[i]),
+                (rate[i] - rate[i - 1]) / time[1],
+            )
+            worst = max(worst, float(np.max(np.abs(torque[joints]) / model.effortLimit[joints])))
+    return worst
+
+
+def _follow(robot: Robot, q: Vector, foot: str, joints: list[int], way: Vector) -> list[Vector]:
+    """Configurations in which the joints of one leg, of these columns, bring its foot along a
+    way.
+    """
+    model, data, frame = robot.model, robot.model.createData(), robot.frame_id(foot)
+    pin.framesForwardKinematics(model, data, q)
+    start, path = data.oMf[frame].translation.copy(), []
+    for offset in way:
+        for _ in range(ITERATIONS):
+            jacobian = pin.computeFrameJacobian(model, data, q, frame, pin.LOCAL_WORLD_ALIGNED)[
+                :3, joints
+            ]
+            step = np.zeros(model.nv)
+            missing = start + offset - data.oMf[frame].translation
+            step[joints] = jacobian.T @ np.linalg.solve(
+                jacobian @ jacobian.T + SMALL * np.eye(3), missing
+            )
+            q = pin.integrate(model, q, step)
+            pin.framesForwardKinematics(model, data, q)
+        path.append(q)
+    return path
+
+
+def fastest_speed(load: Callable[[float], float], high: float, most: float) -> float:
+    """Largest speed up to ``high`` at which a load, which grows with it, is not above ``most``."""
+    if load(high) <= most:
+        return high
+    low = 0.0
+    for _ in range(HALVINGS):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if load(middle) <= most else (low, middle)
+    return low
