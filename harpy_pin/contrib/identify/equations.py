@@ -1,10 +1,12 @@
 """Equations of motion that no unknown force enters, sample by sample.
 
-Of a robot that hangs by its base they are those of the joints. Of one that stands or walks they are
+A joint that carries no foot on the ground has an equation of its own: of a robot that hangs by its
+base each, of one that walks those of a leg in the air. Of a robot on its feet there are also
 
     Nᵀ (M(q) a + h(q, v) − Sᵀ τ) = 0   with   J_c N = 0,
 
-with J_c the Jacobian of the feet in contact: the columns of N are what their forces cannot reach.
+with J_c the Jacobian of the feet that may be on the ground: the columns of N are what their forces
+cannot reach.
 """
 
 from __future__ import annotations
@@ -14,8 +16,9 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
+from scipy.ndimage import minimum_filter1d
 
-from harpy_pin.contrib.identify.signals import Samples
+from harpy_pin.contrib.identify.signals import SPACING, WINDOW, Samples
 from harpy_pin.errors import InputError
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
@@ -26,6 +29,10 @@ a body.
 """
 REACHED = 1e-6
 """Singular value, as a share of the largest, from which on a force reaches a direction."""
+LIFTED, FAST = 0.01, 0.25
+"""A foot is in the air that is so much higher than the lowest, m, and so fast, m/s."""
+AROUND = 2 * round(2.0 * WINDOW / SPACING) + 1
+"""Samples in a row in which it is: so far the window reaches."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,49 +69,81 @@ def rigid(robot: Robot) -> pin.Model:
     return model
 
 
-def hung_rows(robot: Robot, samples: Samples) -> list[Rows]:
-    """The equations of each joint of a robot whose base is held."""
+def in_the_air(robot: Robot, samples: Samples) -> NDArray[np.bool_]:
+    """(n, feet) whether no force is at a foot, by how it moves."""
+    model, half = robot.model, samples.halves[0]
+    data, frames = model.createData(), [robot.frame_id(name) for name in robot.feet]
+    height, speed = np.empty((2, len(samples.t), len(frames)))
+    for k, (q, v) in enumerate(zip(half.q, half.v, strict=True)):
+        pin.forwardKinematics(model, data, q, v)
+        for i, frame in enumerate(frames):
+            height[k, i] = pin.updateFramePlacement(model, data, frame).translation[2]
+            speed[k, i] = np.linalg.norm(pin.getFrameVelocity(model, data, frame).linear)
+    lifted = height - height.min(axis=1, keepdims=True) > LIFTED
+    return np.asarray(minimum_filter1d(lifted & (speed > FAST), AROUND, axis=0))
+
+
+def joint_rows(robot: Robot, samples: Samples, air: NDArray[np.bool_]) -> list[Rows]:
+    """The equations of each joint where it carries no foot on the ground."""
     model = rigid(robot)
     data, n = model.createData(), len(samples.t)
     known = np.array(
-        [[pin.rnea(model, data, *half.state(k))[6:] for k in range(n)] for half in samples.halves]
+        [
+            [
+                pin.rnea(model, data, *state)[6:]
+                for state in zip(half.q, half.v, half.a, strict=True)
+            ]
+            for half in samples.halves
+        ]
     )
+    kept = ~(samples.cut | samples.still)
+    if not samples.held:
+        ends = [model.frames[robot.frame_id(name)].parentJoint for name in robot.feet]
+        carries = np.array(
+            [[j in model.supports[end] for end in ends] for j in range(2, model.njoints)]
+        )
+        kept = ~samples.cut & ~(~air @ carries.T)
     none = np.zeros((2, n, 0))
-    kept = [np.flatnonzero(one) for one in ~(samples.cut | samples.still).T]
+    rows = [np.flatnonzero(one) for one in kept.T]
     return [
-        Rows([j], k, np.ones((len(k), 1)), known[:, k, j], none[:, k]) for j, k in enumerate(kept)
+        Rows([j], k, np.ones((len(k), 1)), known[:, k, j], none[:, k]) for j, k in enumerate(rows)
     ]
 
 
-def standing_rows(robot: Robot, samples: Samples) -> Rows:
-    """The equations of all joints of a robot on its feet.
+def standing_rows(
+    robot: Robot, samples: Samples, air: NDArray[np.bool_], alone: list[Rows]
+) -> Rows:
+    """The equations that all joints of a robot on its feet share, beside those of joints alone.
 
     Raises:
-        InputError: it never stands long enough, or may push itself by thrusters.
+        InputError: it may push itself by thrusters.
     """
     if robot.thrusters or robot.rotors:
         raise InputError("thrust is in no equation: hang the robot up", name="robot", value=robot)
     model = rigid(robot)
-    data, frames = model.createData(), [robot.frame_id(name) for name in robot.feet]
-    usable = samples.steady & samples.stance.any(axis=1)
-    unit, parts = np.eye(model.nv)[6:], []
-    for k in np.flatnonzero(usable):
-        both = [half.state(int(k)) for half in samples.halves]
+    data, frames = model.createData(), np.array([robot.frame_id(name) for name in robot.feet])
+    unit, parts, gone = np.eye(model.nv)[6:], [], samples.cut.copy()
+    for rows in alone:
+        gone[rows.sample, rows.joints] = True
+    for k in range(len(samples.t)):
+        both = [(half.q[k], half.v[k], half.a[k]) for half in samples.halves]
         pin.computeJointJacobians(model, data, both[0][0])
         pin.updateFramePlacements(model, data)
-        stance = [frames[i] for i in np.flatnonzero(samples.stance[k])]
-        jacobians = [pin.getFrameJacobian(model, data, i, pin.LOCAL)[:3] for i in stance]
-        basis = unreached(np.concatenate((*jacobians, unit[samples.cut[k]]))).T
-        known = np.array([basis @ pin.rnea(model, data, *state) for state in both])
-        regressors = np.array(
-            [pin.computeJointTorqueRegressor(model, data, *state)[:, :PAYLOAD] for state in both]
-        )
-        payload = (basis @ regressors).swapaxes(0, 1)
-        parts.append((np.full(len(basis), k), basis[:, 6:], known.T, payload))
-    if not parts:
-        raise InputError("no foot ever stands", name="stance")
-    sample, select, right, payload = (np.concatenate(column) for column in zip(*parts, strict=True))
-    return Rows(list(range(len(robot.joints))), sample, select, right.T, payload.swapaxes(0, 1))
+        forces = [
+            pin.getFrameJacobian(model, data, i, pin.LOCAL)[:3] for i in frames[~air[k]].tolist()
+        ]
+        basis = unreached(np.concatenate((*forces, unit[gone[k]]))).T
+        known = [basis @ pin.rnea(model, data, *state) for state in both]
+        payload = [
+            basis @ pin.computeJointTorqueRegressor(model, data, *state)[:, :PAYLOAD]
+            for state in both
+        ]
+        parts.append((np.full(len(basis), k), basis[:, 6:], np.transpose(known), payload))
+    sample, select, right = (
+        np.concatenate(column) for column in list(zip(*parts, strict=True))[:3]
+    )
+    payload = np.concatenate([part[3] for part in parts], axis=1)
+    return Rows(list(range(len(unit))), sample, select, right.T, payload)
 
 
 def unreached(jacobian: Vector) -> Vector:
@@ -112,5 +151,5 @@ def unreached(jacobian: Vector) -> Vector:
     not reach.
     """
     _, size, directions = np.linalg.svd(jacobian)
-    rank = int(np.sum(size > REACHED * size[0]))
+    rank = int(np.sum(size > REACHED * size.max(initial=0.0)))
     return np.asarray(directions[rank:].T)
