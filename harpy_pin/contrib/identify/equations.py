@@ -1,7 +1,7 @@
 """Equations of motion that no unknown force enters, sample by sample.
 
 A joint that carries no foot on the ground has an equation of its own: of a robot that hangs by its
-base each, of one that walks those of a leg in the air. Of a robot on its feet there are also
+base each, of one that walks those of a leg in the air. What is on the base stands in
 
     Nᵀ (M(q) a + h(q, v) − Sᵀ τ) = 0   with   J_c N = 0,
 
@@ -18,7 +18,7 @@ import pinocchio as pin
 from numpy.typing import NDArray
 from scipy.ndimage import minimum_filter1d
 
-from harpy_pin.contrib.identify.signals import SPACING, WINDOW, Samples
+from harpy_pin.contrib.identify.signals import BRIEF, SPACING, Samples
 from harpy_pin.errors import InputError
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
@@ -31,27 +31,25 @@ REACHED = 1e-6
 """Singular value, as a share of the largest, from which on a force reaches a direction."""
 LIFTED, FAST = 0.01, 0.25
 """A foot is in the air that is so much higher than the lowest, m, and so fast, m/s."""
-AROUND = 2 * round(2.0 * WINDOW / SPACING) + 1
+SELDOM, BLOCK = 5, 20
+"""One sample of so many tells of the payload, and so many are a block that has noise of its own."""
+AROUND = 2 * round(2.5 * BRIEF / SPACING) + 1
 """Samples in a row in which it is: so far the window reaches."""
 
 
 @dataclass(frozen=True, eq=False)
 class Rows:
-    """Equations of some joints, each as both halves of the log say it.
+    """Equations of a joint, each as both halves of the log say it.
 
     Attributes:
-        joints: their numbers.
+        joint: its number.
         sample: (rows,) sample of each row, from the first one on.
-        select: (rows, len(joints)) share of each joint's torque in the row.
-        known: (2, rows) what the rigid model needs, N·m or N.
-        payload: (2, rows, 4) the same of a payload of 1 kg, and of 1 kg·m; or of no column.
+        known: (2, rows) what the rigid model needs, N·m.
     """
 
-    joints: list[int]
+    joint: int
     sample: NDArray[np.int64]
-    select: Vector
     known: Vector
-    payload: Vector
 
 
 def rigid(robot: Robot) -> pin.Model:
@@ -86,7 +84,7 @@ def in_the_air(robot: Robot, samples: Samples) -> NDArray[np.bool_]:
 def joint_rows(robot: Robot, samples: Samples, air: NDArray[np.bool_]) -> list[Rows]:
     """The equations of each joint where it carries no foot on the ground."""
     model = rigid(robot)
-    data, n = model.createData(), len(samples.t)
+    data = model.createData()
     known = np.array(
         [
             [
@@ -96,54 +94,48 @@ def joint_rows(robot: Robot, samples: Samples, air: NDArray[np.bool_]) -> list[R
             for half in samples.halves
         ]
     )
-    kept = ~(samples.cut | samples.still)
-    if not samples.held:
-        ends = [model.frames[robot.frame_id(name)].parentJoint for name in robot.feet]
-        carries = np.array(
-            [[j in model.supports[end] for end in ends] for j in range(2, model.njoints)]
-        )
-        kept = ~samples.cut & ~(~air @ carries.T)
-    none = np.zeros((2, n, 0))
-    rows = [np.flatnonzero(one) for one in kept.T]
-    return [
-        Rows([j], k, np.ones((len(k), 1)), known[:, k, j], none[:, k]) for j, k in enumerate(rows)
-    ]
-
-
-def standing_rows(
-    robot: Robot, samples: Samples, air: NDArray[np.bool_], alone: list[Rows]
-) -> Rows:
-    """The equations that all joints of a robot on its feet share, beside those of joints alone.
-
-    Raises:
-        InputError: it may push itself by thrusters.
-    """
-    if robot.thrusters or robot.rotors:
-        raise InputError("thrust is in no equation: hang the robot up", name="robot", value=robot)
-    model = rigid(robot)
-    data, frames = model.createData(), np.array([robot.frame_id(name) for name in robot.feet])
-    unit, parts, gone = np.eye(model.nv)[6:], [], samples.cut.copy()
-    for rows in alone:
-        gone[rows.sample, rows.joints] = True
-    for k in range(len(samples.t)):
-        both = [(half.q[k], half.v[k], half.a[k]) for half in samples.halves]
-        pin.computeJointJacobians(model, data, both[0][0])
-        pin.updateFramePlacements(model, data)
-        forces = [
-            pin.getFrameJacobian(model, data, i, pin.LOCAL)[:3] for i in frames[~air[k]].tolist()
-        ]
-        basis = unreached(np.concatenate((*forces, unit[gone[k]]))).T
-        known = [basis @ pin.rnea(model, data, *state) for state in both]
-        payload = [
-            basis @ pin.computeJointTorqueRegressor(model, data, *state)[:, :PAYLOAD]
-            for state in both
-        ]
-        parts.append((np.full(len(basis), k), basis[:, 6:], np.transpose(known), payload))
-    sample, select, right = (
-        np.concatenate(column) for column in list(zip(*parts, strict=True))[:3]
+    ends = [model.frames[robot.frame_id(name)].parentJoint for name in robot.feet]
+    carries = np.array(
+        [[end in model.subtrees[j] for j in range(2, model.njoints)] for end in ends]
     )
-    payload = np.concatenate([part[3] for part in parts], axis=1)
-    return Rows(list(range(len(unit))), sample, select, right.T, payload)
+    loaded = samples.still if samples.held else ~air @ carries
+    kept = [np.flatnonzero(one) for one in ~(samples.cut | loaded).T]
+    return [Rows(j, k, known[:, k, j]) for j, k in enumerate(kept)]
+
+
+def payload(
+    robot: Robot, samples: Samples, air: NDArray[np.bool_], torque: Vector, error: float
+) -> tuple[Vector, Vector]:
+    """(4,) mass on the base, and mass times place, and their standard errors.
+
+    Args:
+        robot: whose base it is.
+        samples: of the log.
+        air: (n, feet) which feet are in the air.
+        torque: (n, joints) at the joints, N·m.
+        error: standard error of each joint's torques, as a share of them.
+    """
+    model, half, parts = rigid(robot), samples.halves[0], []
+    data, frames = model.createData(), np.array([robot.frame_id(name) for name in robot.feet])
+    unit = np.eye(model.nv)[6:]
+    for k in range(0, len(samples.t), SELDOM):
+        state = half.q[k], half.v[k], half.a[k]
+        pin.computeJointJacobians(model, data, state[0])
+        pin.updateFramePlacements(model, data)
+        on = frames[~air[k]].tolist()
+        forces = [pin.getFrameJacobian(model, data, i, pin.LOCAL)[:3] for i in on]
+        basis = unreached(np.concatenate((*forces, unit[samples.cut[k]]))).T
+        regressor = pin.computeJointTorqueRegressor(model, data, *state)[:, :PAYLOAD]
+        shares = basis @ (unit.T * torque[k])
+        lacks = shares.sum(axis=1) - basis @ pin.rnea(model, data, *state)
+        parts.append(np.column_stack((lacks, basis @ regressor, shares)))
+    lacks, matrix, shares = np.split(np.concatenate(parts), [1, 1 + PAYLOAD], axis=1)
+    inverse = np.linalg.pinv(matrix)
+    found = inverse @ lacks[:, 0]
+    ends = np.cumsum([0, *map(len, parts)])[:-1:BLOCK]
+    scores = np.add.reduceat(inverse * (lacks[:, 0] - matrix @ found), ends, axis=1)
+    variance = np.sum(scores**2, axis=1) + np.sum((error * inverse @ shares) ** 2, axis=1)
+    return found, np.sqrt(variance)
 
 
 def unreached(jacobian: Vector) -> Vector:

@@ -9,28 +9,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from harpy_pin.arguments import checked
-from harpy_pin.contrib.identify.equations import (
-    PAYLOAD,
-    Rows,
-    in_the_air,
-    joint_rows,
-    standing_rows,
-)
+from harpy_pin.contrib.identify.equations import Rows, in_the_air, joint_rows, payload
 from harpy_pin.contrib.identify.joints import Joints
-from harpy_pin.contrib.identify.regression import NUMBERS, POSITIVE, Solution, solve
+from harpy_pin.contrib.identify.regression import NUMBERS, POSITIVE, Solution, solve, unknown
 from harpy_pin.contrib.identify.signals import Samples, read_samples
 from harpy_pin.log.run import Run
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
 
-KNOWN = 0.2  # standard error over the number itself up to which it is told
+KNOWN = 0.1  # standard error over the number itself up to which it is told
 EXCITED = 0.03  # the same up to which the log excites it
 SURE = {"torque_scale": 0.02, "delay": 5e-4}
 """Standard errors of these up to which they are told."""
 OFFSET = 0.02  # the same of a bias, as a share of the joint's rms torque
 RIGHT = 0.05  # standard deviation of a scale about one before the log is seen
-LATE = 5e-3  # the same of a delay about zero, s
-ALIKE = 2e-4  # the same of a delay about that of the other joints, at least, s
+LATE, ALIKE = 5e-3, 2e-4
+"""The same of a delay about zero, and about that of the other joints at least, s."""
 LEFT = 0.3  # share of a joint's torque that may stay unexplained before the log is called wrong
 NEGATIVE = 0.03  # share of a joint's torque from which on a number that came out negative is told
 MOVING = 100  # samples in which a joint must move
@@ -66,103 +60,67 @@ def identify(robot: Robot, log: Run | Mapping[str, Vector]) -> Joints:
             is without a gap.
     """
     samples, said = read_samples(robot, log)
-    angles, n = samples.halves[0].q[:, 7:], len(robot.joints)
+    angles, moving = samples.halves[0].q[:, 7:], ~samples.still
     over = np.maximum(
         robot.joint_lower - angles.min(axis=0), angles.max(axis=0) - robot.joint_upper
     )
-    moving = ~samples.still
     cut = (samples.cut & moving).mean(axis=0) > CUT
     said += _named(robot, over > BEYOND, "angles beyond the joint's ends: another unit or order?")
     said += _named(robot, cut, "torque at its limit, rows left out")
-    said += _named(robot, moving.sum(axis=0) < MOVING, "hardly moves")
     air = in_the_air(robot, samples)
     rows = joint_rows(robot, samples, air)
-    prior, precision = np.zeros(len(NUMBERS)), np.diag([RIGHT**-2, 0.0, 0.0, 0.0, 0.0, LATE**-2])
-    found = [_solved(samples, one, prior, precision) for one in rows]
-    late = [one.values[-1] for one in found if one.error[-1] <= SURE["delay"]]
-    if late:  # the others are likely as late
-        prior[-1] = np.median(late)
-        precision[-1, -1] = max(float(np.std(late)), ALIKE) ** -2
-        found = [_solved(samples, one, prior, precision) for one in rows]
+    few = np.array([len(one.sample) < MOVING for one in rows])
+    what = "hardly moves" if samples.held else "hardly in the air"
+    said += _named(robot, few & ~cut, what)
+    prior, precision = np.zeros(len(NUMBERS)), np.zeros(len(NUMBERS))
+    precision[[0, -1]] = RIGHT**-2, LATE**-2
+    for _ in range(2):
+        found = [
+            unknown() if none else solve(samples, one, prior, precision)
+            for one, none in zip(rows, few, strict=True)
+        ]
+        late = [one.values[-1] for one in found if one.error[-1] <= SURE["delay"]]
+        if late:  # the others are likely as late
+            prior[-1], precision[-1] = np.median(late), max(float(np.std(late)), ALIKE) ** -2
     bad, lines = _suspicious(robot, samples, rows, found)
-    said += lines
-    values, left, size = (
-        np.array([getattr(one, name) for one in found]) for name in ("values", "left", "size")
+    values, errors, negative = (
+        np.array([getattr(one, name) for one in found]) for name in ("values", "error", "negative")
     )
-    errors = np.array(
-        [np.where(wrong, np.inf, one.error) for one, wrong in zip(found, bad, strict=True)]
-    )
-    negative = np.array([one.negative for one in found])
-    more: dict[str, Any] = {
-        "rows": tuple(
-            (samples.t[part.sample[: len(one.measured)]], one.measured, one.predicted)
-            for part, one in zip(rows, found, strict=True)
-        )
-    }
-    if not samples.held:
-        whole = _standing(robot, samples, air, rows, found, (prior, precision))
-        many, ever = n * len(NUMBERS), np.array([len(one.measured) > 0 for one in found])[:, None]
-        values, errors, negative = (
-            np.where(ever, alone, x[:many].reshape(n, -1))
-            for alone, x in (
-                (values, whole.values),
-                (errors, whole.error),
-                (negative, whole.negative),
-            )
-        )
-        left, size = (
-            np.where(np.isnan(left), whole.left, left),
-            np.where(np.isnan(size), whole.size, size),
-        )
-        more |= {"payload": whole.values[many:], "payload_error": whole.error[many:]}
-        if whole.left > LEFT:
-            said.append(f"{100.0 * whole.left:.0f} % of the forces are not explained")
-    known: dict[str, Any] = {}
-    error, excited = dict[str, Vector](), dict[str, Any]()
+    errors[bad] = np.inf
+    known, error, excited = dict[str, Any](), dict[str, Vector](), dict[str, Any]()
     for k, name in enumerate(NUMBERS):
         value, error[name] = values[:, k], errors[:, k]
         share = error[name] / np.maximum(np.abs(value), 1e-12)
-        sure = SURE.get(name, OFFSET * size)
-        excited[name] = share <= EXCITED if name in POSITIVE else error[name] <= sure
-        told = excited[name] | ((share <= KNOWN) & (name in POSITIVE))
-        known[name] = np.where(told, value, np.nan)
-        if name in POSITIVE:
-            below = negative[:, k] > NEGATIVE
-            said += _named(robot, below, f"{name} came out negative, so it is not known")
+        sure = SURE.get(name, OFFSET * np.array([one.size for one in found]))
+        positive = name in NUMBERS[POSITIVE]
+        excited[name] = share <= EXCITED if positive else error[name] <= sure
+        known[name] = np.where(share <= KNOWN if positive else excited[name], value, np.nan)
+        below = positive & (negative[:, k] > NEGATIVE)
+        lines += _named(robot, below, f"{name} came out negative, so it is not known")
+    mass = not (samples.held or robot.thrusters or robot.rotors)
+    at_joints = np.array([_at_joint(samples, j, *one.values) for j, one in enumerate(found)])
     return Joints(
-        robot.joints, **known, error=error, excited=excited, left=left, status=tuple(said), **more
+        robot.joints,
+        **known,
+        error=error,
+        excited=excited,
+        left=np.array([one.left for one in found]),
+        payload=payload(robot, samples, air, at_joints.T, RIGHT) if mass else None,
+        status=(*said, *lines),
+        rows=tuple(
+            (samples.t[part.sample[: len(one.measured)]], one.measured, one.predicted)
+            for part, one in zip(rows, found, strict=True)
+        ),
     )
 
 
-def _solved(samples: Samples, rows: Rows, prior: Vector, precision: Vector) -> Solution:
-    """The numbers of a joint; nothing where it hardly moves."""
-    if len(rows.sample) >= MOVING:
-        return solve(samples, rows, prior, precision)
-    unknown, none = np.full(len(prior), np.inf), np.zeros(0)
-    return Solution(np.nan * unknown, np.diag(unknown), 0.0 * prior, none, none)
-
-
-def _standing(
-    robot: Robot,
-    samples: Samples,
-    air: NDArray[np.bool_],
-    rows: list[Rows],
-    found: list[Solution],
-    before: tuple[Vector, Vector],
-) -> Solution:
-    """All numbers together, by what they are known to be in the air and by the forces on feet."""
-    one, many = len(NUMBERS), len(NUMBERS) * len(found)
-    prior, precision = np.zeros(many + PAYLOAD), np.zeros((many + PAYLOAD, many + PAYLOAD))
-    for j, solution in enumerate(found):
-        place = slice(one * j, one * (j + 1))
-        prior[place], precision[place, place] = before
-        if np.isfinite(solution.values).all():
-            prior[place] = solution.values - np.eye(one)[0]
-            size = np.sqrt(np.diag(solution.covariance))
-            precision[place, place] = (
-                np.linalg.inv(solution.covariance / size / size[:, None]) / size / size[:, None]
-            )
-    return solve(samples, standing_rows(robot, samples, air, rows), prior, precision)
+def _at_joint(samples: Samples, joint: int, *values: float) -> Vector:
+    """(n,) torque at a joint, N·m; that of the log where nothing is known of the joint."""
+    half = samples.halves[0]
+    k, b, armature, damping, friction, late = np.where(np.isnan(values), np.eye(6)[0], values)
+    torque, _ = half.torque(joint, late)
+    lost = armature * half.a[:, 6 + joint] + damping * half.v[:, 6 + joint]
+    return np.asarray(k * torque + b - lost - friction * half.sign[:, joint])
 
 
 def _suspicious(
@@ -174,7 +132,7 @@ def _suspicious(
     wrong = np.array([one.values[0] < 0.0 for one in found])
     odd = np.array([one.left > LEFT for one in found])
     said, rest = _named(robot, wrong, "torque of the wrong sign"), odd & ~wrong
-    torques = np.transpose([samples.halves[0].torque(j, 0.0)[0] for j in range(len(rows))])
+    torques = np.transpose([_at_joint(samples, j, *unknown().values) for j in range(len(rows))])
     for j in np.flatnonzero(rest):
         needed, sample = rows[j].known.mean(axis=0), rows[j].sample
         match = np.corrcoef(needed, torques[sample], rowvar=False)[0, 1:]

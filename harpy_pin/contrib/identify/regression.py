@@ -1,16 +1,11 @@
-"""Robust regression for the numbers of joints whose equations may share rows.
+"""Robust regression for the numbers of a joint.
 
-The torque τ that a motor reports is, with ``known`` what the rigid model needs,
+The torque τ that its motor reports is, with ``known`` what the rigid model needs,
 
     τ(t − d) = (known + I a + D v + F s − b) / k.
 
-It is linear in 1 / k, I / k and so on, but not in the delay d. On its feet a robot has rows with
-shares e_j of several joints, and with a payload:
-
-    Σ_j e_j k_j τ_j(t − d_j) = known + payload · p + Σ_j e_j (I_j a_j + D_j v_j + F_j s_j − b_j).
-
-A line search finds the delay first, one for all joints of the rows; steps of Gauss and Newton then
-find each joint's.
+It is linear in 1 / k, I / k and so on, but not in the delay d: a line search finds that first, then
+steps of Gauss and Newton.
 
 Least squares would be biased: noise of encoders is in the accelerations, and in the torques that
 answer to it. The two halves A₁ and A₂ of the log (:mod:`harpy_pin.contrib.identify.signals`) have
@@ -35,11 +30,11 @@ from harpy_pin.model.state import Vector
 
 NUMBERS = ("torque_scale", "bias", "armature", "damping", "friction", "delay")
 """Of each joint, in the order of the unknowns."""
-POSITIVE = ("armature", "damping", "friction")
+POSITIVE = slice(2, 5)
 DELAYS = np.arange(-0.004, 0.0241, 0.002)  # where the line search looks, s
 STEPS, FIRST, SETTLED = 15, 4, 1e-6
 """Of Gauss, Newton and the weights, at most; how many may pass negative numbers; and change of the
-delays at which they end, s.
+delay at which they end, s.
 """
 HUBER = 3.0
 """Residual from which on its weight falls, in standard deviations. It is far out: weights that know
@@ -50,9 +45,10 @@ ALIKE = 0.05
 """Share of the rms that both halves of the log leave unexplained, which no noise is, that may look
 like a number.
 """
-WIDEST = 100.0
-"""Standard deviation of what is not known before, as an effect over the torque in the log."""
-NEVER = 1e9  # the same precision of a number that is held at zero because it came out negative
+NEVER, WEAK = 1e12, 1e-12
+"""Precision of a number that came out negative and is held at zero, and of one that nothing is
+known of before, in a row's.
+"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,58 +56,49 @@ class Solution:
     """What rows say.
 
     Attributes:
-        values: (6 joints + payload,) in the order of :data:`NUMBERS`, joint after joint.
-        covariance: of them.
+        values: in the order of :data:`NUMBERS`.
+        error: standard errors of them; infinite of what is held at zero.
         negative: of what came out negative and is held at zero, the rms of its part as a share of
-            that of what is measured.
-        measured: (rows,) the logged torques as the numbers correct them, N·m or N.
-        predicted: (rows,) the same by motion and numbers.
+            that of the torque.
+        measured: (rows,) the logged torques, N·m.
+        predicted: (rows,) the same by these numbers.
     """
 
     values: Vector
-    covariance: Vector
+    error: Vector
     negative: Vector
     measured: Vector
     predicted: Vector
 
     @property
-    def error(self) -> Vector:
-        """Standard errors; infinite of what is held at zero."""
-        return np.where(self.negative > 0.0, np.inf, np.sqrt(np.diag(self.covariance)))
-
-    @property
     def size(self) -> float:
-        """Rms of what is measured, N·m or N; NaN of no row."""
+        """Rms of the torque, N·m; NaN of no row."""
         return float(np.sqrt(np.mean(self.measured**2))) if len(self.measured) else np.nan
 
     @property
     def left(self) -> float:
-        """Rms of what is not explained over that of what is measured."""
+        """Rms of what is not explained over that of the torque."""
         rest = self.measured - self.predicted
         return float(np.sqrt(np.mean(rest**2))) / self.size if len(rest) else np.nan
 
 
-def columns(samples: Samples, rows: Rows, delay: Vector) -> tuple[Vector, Vector, Vector]:
-    """(2, rows, 6 joints + payload) matrix, (2, rows) left side, the torques less what is known,
-    and (2, rows) torques, for (len(joints),) delays.
+def unknown() -> Solution:
+    """Of a joint that hardly moves."""
+    values = np.full(len(NUMBERS), np.nan)
+    return Solution(values, values + np.inf, np.zeros(len(NUMBERS)), np.zeros(0), np.zeros(0))
 
-    The column of a scale k is that of k − 1, of a single joint of 1 / k − 1; of a delay that of its
-    change.
+
+def columns(samples: Samples, rows: Rows, delay: float) -> tuple[Vector, Vector]:
+    """(2, rows, 6) matrix of 1 / k − 1, b / k, I / k, D / k, F / k and a change of the delay, and
+    (2, rows) left side, the torque less what the rigid model needs.
     """
-    matrix, torques, alone = [], [], len(rows.joints) == 1
-    for half, known, payload in zip(samples.halves, rows.known, rows.payload, strict=True):
-        parts, total = [], np.zeros(len(known))
-        for k, j in enumerate(rows.joints):
-            share = rows.select[:, k]
-            motion = half.a[:, 6 + j], half.v[:, 6 + j], half.sign[:, j]
-            torque, rate, *of_joint = (
-                share * x[rows.sample] for x in (*half.torque(j, delay[k]), *motion)
-            )
-            total = total + torque
-            parts += [known if alone else -torque, -share, *of_joint, rate]
-        matrix.append(np.hstack((np.array(parts).T, payload)))
-        torques.append(total)
-    return np.array(matrix), np.array(torques) - rows.known, np.array(torques)
+    matrix, left, j, k = [], [], rows.joint, rows.sample
+    for half, known in zip(samples.halves, rows.known, strict=True):
+        torque, rate = half.torque(j, delay)
+        motion = half.a[k, 6 + j], half.v[k, 6 + j], half.sign[k, j]
+        matrix.append(np.transpose([known, np.full(len(k), -1.0), *motion, rate[k]]))
+        left.append(torque[k] - known)
+    return np.array(matrix), np.array(left)
 
 
 def solve(samples: Samples, rows: Rows, prior: Vector, precision: Vector) -> Solution:
@@ -120,69 +107,50 @@ def solve(samples: Samples, rows: Rows, prior: Vector, precision: Vector) -> Sol
     Args:
         samples: of the log.
         rows: their equations.
-        prior: (6 joints + payload,) most probable values before the log is seen, scales less one.
-        precision: of them, the inverse of their covariance.
+        prior: (6,) most probable x before the log is seen.
+        precision: (6,) of each, one over its variance.
     """
-    many = len(rows.joints)
-    kind = np.array([*NUMBERS * many, *["payload"] * rows.payload.shape[2]])
-    late, scale, weight = kind == "delay", kind == "torque_scale", np.ones(len(rows.sample))
-    taken = scale & (many > 1)  # masses are such as well: both scaled up are the same
-    x, costs = prior.copy(), []
-    for delay in DELAYS if many == 1 else ():
-        matrix, left, _ = columns(samples, rows, np.full(many, delay))
-        matrix[:, :, late] = 0.0
+    weight, x, costs = np.ones(len(rows.sample)), prior.copy(), []
+    for delay in DELAYS:
+        matrix, left = columns(samples, rows, delay)
+        matrix[:, :, -1] = 0.0
         trial, _ = _solved(matrix, left, weight, np.mean(left**2), prior, precision)
         costs.append(np.prod(left - matrix @ trial, axis=0).sum())  # noise of the halves drops out
-    x[late] = DELAYS[int(np.argmin(costs))] if costs else x[late]
-    negative, noise = np.zeros(len(x)), np.inf
+    x[-1], noise = DELAYS[int(np.argmin(costs))], np.inf
+    negative, held = np.zeros(len(x)), np.zeros(len(x), bool)
     for step in range(STEPS):
-        before = np.where(late, x, 0.0)
-        matrix, left, torques = columns(samples, rows, x[late])
-        noise = min(noise, np.mean(left**2))
-        held = np.diag(
-            np.where(taken | (negative > 0.0), NEVER * np.mean(matrix**2, axis=(0, 1)) / noise, 0.0)
-        )
-        x, inverse = _solved(
-            matrix,
-            left + matrix @ before,
-            weight,
-            noise,
-            np.where(negative > 0.0, 0.0, prior),
-            precision + held,
-        )
-        sign = 1.0 + x[0] if many == 1 else 1.0
-        below = np.isin(kind, POSITIVE) & (x * sign < 0.0) & (step >= FIRST) & (negative == 0.0)
-        effect = np.abs(x) * np.sqrt(np.mean(matrix[0] ** 2, axis=0) / np.mean(torques**2))
-        negative = np.where(below, effect, negative)
-        x[late] = np.clip(x[late], *DELAYS[[0, -1]])
-        residual = left - matrix @ (x - before)
+        late = x[-1]
+        matrix, left = columns(samples, rows, late)
+        noise = min(noise, float(np.mean(left**2)))
+        known = np.where(held, 0.0, prior), np.where(held, NEVER, precision)
+        x, inverse = _solved(matrix, left + matrix[:, :, -1] * late, weight, noise, *known)
+        below = np.zeros(len(x), bool)
+        below[POSITIVE] = (x[POSITIVE] * (1.0 + x[0]) < 0.0) & (step >= FIRST)
+        below &= ~held
+        effect = np.abs(x) * np.sqrt(np.mean(matrix[0] ** 2, axis=0) / np.mean(left**2))
+        negative, held = np.where(below, effect, negative), held | below
+        x[-1] = np.clip(x[-1], *DELAYS[[0, -1]])
+        residual = left + matrix[:, :, -1] * late - matrix @ x
         size = np.abs(residual.mean(axis=0))
         weight = 1.0 / np.maximum(1.0, size / (HUBER * 1.4826 * np.median(size) + 1e-12))
         noise = float(np.mean(weight * residual**2)) + 1e-12
-        if step > FIRST and not below.any() and np.abs(x - before)[late].max() < SETTLED:
+        if step > FIRST and not below.any() and abs(x[-1] - late) < SETTLED:
             break
-    # The sandwich: scores of blocks, what no noise is, and the prior.
     block = np.floor(samples.t[rows.sample] / BLOCK)
     scores = 0.5 * sum(matrix[h] * (weight * residual[1 - h])[:, None] for h in (0, 1))
     scores = np.add.reduceat(scores, np.flatnonzero(np.diff(block, prepend=-np.inf)), axis=0)
     lacks = max(float(np.sum(weight * residual[0] * residual[1])), 0.0)  # noise drops out
-    between = _between(matrix, weight)
-    meat = (scores.T @ scores + ALIKE**2 * lacks * between) / noise**2 + precision
-    covariance = inverse @ meat @ inverse
-    if many > 1:
-        effect = inverse @ between[:, taken] / noise
-        covariance += effect @ np.linalg.inv(precision[np.ix_(taken, taken)]) @ effect.T
-    measured, rest = torques.mean(axis=0), residual.mean(axis=0)
-    if many == 1:  # from 1 / k - 1, I / k, ... to k, I, ...
-        k = 1.0 / (1.0 + x[0])
-        slope = np.diag(np.where(late, 1.0, k))
-        slope[:, 0] = np.where(late, 0.0, -x * k**2)
-        slope[0, 0] = -(k**2)
-        covariance = slope @ covariance @ slope.T
-        x, measured, rest = np.where(scale, k, x * np.where(late, 1.0, k)), measured * k, rest * k
-    else:
-        x = x + scale
-    return Solution(x, covariance, negative, measured, measured - rest)
+    meat = (scores.T @ scores + ALIKE**2 * lacks * _between(matrix, weight)) / noise**2
+    covariance = inverse @ (meat + np.diag(precision)) @ inverse
+    measured = (left + rows.known).mean(axis=0)
+    # From 1 / k - 1, I / k, ... to k, I, ...
+    k = 1.0 / (1.0 + x[0])
+    slope = np.diag([-k, k, k, k, k, 1.0])
+    slope[:-1, 0] = -k * k * x[:-1]
+    slope[0, 0] = -k * k
+    values = np.array([k, *k * x[1:-1], x[-1]])
+    error = np.where(held, np.inf, np.sqrt(np.diag(slope @ covariance @ slope.T)))
+    return Solution(values, error, negative, measured, measured - residual.mean(axis=0))
 
 
 def _between(matrix: Vector, weight: Vector) -> Vector:
@@ -195,9 +163,9 @@ def _solved(
     matrix: Vector, left: Vector, weight: Vector, noise: float, prior: Vector, precision: Vector
 ) -> tuple[Vector, Vector]:
     """The numbers by the weighted instruments and the prior, and (N / σ² + P)⁻¹."""
-    weak = np.mean(matrix**2, axis=(0, 1)) / (WIDEST**2 * np.mean(left**2)) + 1e-12
-    whole = _between(matrix, weight) / noise + precision + np.diag(weak)
+    weak = WEAK * (np.sum(matrix**2, axis=(0, 1)) / noise + 1.0)
+    whole = _between(matrix, weight) / noise + np.diag(precision + weak)
     right = 0.5 * sum(matrix[h].T @ (weight * left[1 - h]) for h in (0, 1)) / noise
     size = np.sqrt(np.abs(np.diag(whole)))
     inverse = np.linalg.inv(whole / size / size[:, None]) / size / size[:, None]
-    return inverse @ (right + precision @ prior), inverse
+    return inverse @ (right + precision * prior), inverse

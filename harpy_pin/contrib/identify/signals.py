@@ -21,7 +21,8 @@ from harpy_pin.log.run import Run
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
 
-WINDOW = 0.015  # standard deviation of the Gaussian in the window, s
+WINDOW, BRIEF = 0.015, 0.008
+"""Standard deviation of the Gaussian in the window, s, and of a robot whose steps are short."""
 LEAST_ROWS = 4.0  # the same in rows of the log, at least
 SLOWEST = 0.01  # largest period of a log, s
 SPACING = 0.01  # between samples of the regression, s
@@ -110,7 +111,8 @@ def read_samples(robot: Robot, log: Run | Mapping[str, Vector]) -> tuple[Samples
     # Pieces are put together: what a jump does to splines and windows is gone after EDGE.
     grids = [first + period * np.arange(int((last - first) / period) + 1) for first, last in ends]
     inner = np.concatenate([np.minimum(x - x[0], x[-1] - x) > EDGE for x in grids])
-    grid, window = np.concatenate(grids), max(WINDOW, LEAST_ROWS * period)
+    held, grid = read["q"].shape[1] == n, np.concatenate(grids)
+    window = max(WINDOW if held else BRIEF, LEAST_ROWS * period)
     line, kept = period * np.arange(len(grid)), np.flatnonzero(inner)[:: round(SPACING / period)]
     even = _on(grid, t, read)
     angle = even["q"][:, -n:]
@@ -133,7 +135,6 @@ def read_samples(robot: Robot, log: Run | Mapping[str, Vector]) -> tuple[Samples
         )
         for k in (0, 1)
     )
-    held = even["q"].shape[1] == n
     return Samples(grid[kept], (first, second), cut, still, held), said
 
 
