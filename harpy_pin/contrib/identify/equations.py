@@ -29,10 +29,14 @@ a body.
 """
 REACHED = 1e-6
 """Singular value, as a share of the largest, from which on a force reaches a direction."""
-LIFTED, FAST = 0.01, 0.25
-"""A foot is in the air that is so much higher than the lowest, m, and so fast, m/s."""
+LIFTED, FAST = 0.03, 0.25
+"""A foot is in the air that is so much higher than the lowest, as a share of the base's height
+above it, and so fast, m/s.
+"""
 SELDOM, BLOCK = 5, 20
 """One sample of so many tells of the payload, and so many are a block that has noise of its own."""
+SLOW = 0.5
+"""Velocity of a joint in the air, rad/s, below which dry friction may be anything."""
 AROUND = 2 * round(2.5 * BRIEF / SPACING) + 1
 """Samples in a row in which it is: so far the window reaches."""
 
@@ -77,7 +81,8 @@ def in_the_air(robot: Robot, samples: Samples) -> NDArray[np.bool_]:
         for i, frame in enumerate(frames):
             height[k, i] = pin.updateFramePlacement(model, data, frame).translation[2]
             speed[k, i] = np.linalg.norm(pin.getFrameVelocity(model, data, frame).linear)
-    lifted = height - height.min(axis=1, keepdims=True) > LIFTED
+    lowest = height.min(axis=1, keepdims=True)
+    lifted = height - lowest > LIFTED * (half.q[:, 2:3] - lowest)
     return np.asarray(minimum_filter1d(lifted & (speed > FAST), AROUND, axis=0))
 
 
@@ -98,7 +103,8 @@ def joint_rows(robot: Robot, samples: Samples, air: NDArray[np.bool_]) -> list[R
     carries = np.array(
         [[end in model.subtrees[j] for j in range(2, model.njoints)] for end in ends]
     )
-    loaded = samples.still if samples.held else ~air @ carries
+    slow = np.abs(samples.halves[0].v[:, 6:]) < SLOW
+    loaded = samples.still if samples.held else slow | (~air @ carries)
     kept = [np.flatnonzero(one) for one in ~(samples.cut | loaded).T]
     return [Rows(j, k, known[:, k, j]) for j, k in enumerate(kept)]
 

@@ -17,8 +17,8 @@ from harpy_pin.log.run import Run
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
 
-KNOWN = 0.1  # standard error over the number itself up to which it is told
-EXCITED = 0.03  # the same up to which the log excites it
+KNOWN = 0.2 / 3.0  # standard error over the number up to which it is told: within a fifth
+EXCITED = 0.1 / 3.0  # the same up to which the log excites it: within a tenth
 SURE = {"torque_scale": 0.02, "delay": 5e-4}
 """Standard errors of these up to which they are told."""
 OFFSET = 0.02  # the same of a bias, as a share of the joint's rms torque

@@ -25,8 +25,8 @@ class Joints(KnownJoints):
 
         torque_scale · τ(t − delay) + bias − armature · a − damping · v − friction · sign(v),
 
-    with τ what the log has as torque. A number is NaN where the log does not say it: its standard
-    error is more than a fifth of it. Only ``excited`` ones are known well.
+    with τ what the log has as torque. A number is NaN where the log does not say it within a fifth,
+    by three standard errors. Only ``excited`` ones are known well.
 
     Attributes:
         names: of the joints.
