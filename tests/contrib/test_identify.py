@@ -13,7 +13,7 @@ import harpy_pin as hp
 from comparison.worlds.hung import PERIOD, Hidden, hang, hidden, logged
 from harpy_pin.contrib.bag import read_log, read_signals
 from harpy_pin.contrib.identify import command, equations, excitation, identify
-from harpy_pin.contrib.identify.signals import Half, Samples, read_samples
+from harpy_pin.contrib.identify.signals import Half, Samples
 from harpy_pin.errors import InputError, RobotError
 from harpy_pin.model.known_joints import KnownJoints
 from harpy_pin.model.robot import harpy_urdf
