@@ -114,7 +114,7 @@ def solve(samples: Samples, rows: Rows, prior: Vector, precision: Vector) -> Sol
     for delay in DELAYS:
         matrix, left = columns(samples, rows, delay)
         matrix[:, :, -1] = 0.0
-        trial, _ = _solved(matrix, left, weight, np.mean(left**2), prior, precision)
+        trial, _ = _solved(matrix, left, weight, float(np.mean(left**2)), prior, precision)
         costs.append(np.prod(left - matrix @ trial, axis=0).sum())  # noise of the halves drops out
     x[-1], noise = DELAYS[int(np.argmin(costs))], np.inf
     negative, held = np.zeros(len(x)), np.zeros(len(x), bool)

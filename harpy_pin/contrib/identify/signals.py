@@ -113,7 +113,8 @@ def read_samples(robot: Robot, log: Run | Mapping[str, Vector]) -> tuple[Samples
     inner = np.concatenate([np.minimum(x - x[0], x[-1] - x) > EDGE for x in grids])
     held, grid = read["q"].shape[1] == n, np.concatenate(grids)
     window = max(WINDOW if held else BRIEF, LEAST_ROWS * period)
-    line, kept = period * np.arange(len(grid)), np.flatnonzero(inner)[:: round(SPACING / period)]
+    line = np.asarray(period * np.arange(len(grid)), float)
+    kept = np.flatnonzero(inner)[:: round(SPACING / period)]
     even = _on(grid, t, read)
     angle = even["q"][:, -n:]
     velocity = np.gradient(gaussian_filter1d(angle, window / period, axis=0), period, axis=0)
@@ -147,9 +148,11 @@ def _signals(robot: Robot, log: Run | Mapping[str, Vector]) -> dict[str, Vector]
     for name, other in OTHER_NAMES.items():
         if name not in known and other in known and not (law and name == "torque"):
             known[name] = known[other]
-    wide = np.shape(known.get("q"))[-1] if np.ndim(known.get("q")) == 2 else 0
-    for name in ("t", "q", *(("v",) if wide == nq else ())):
+    for name in ("t", "q"):
         checks.one_of("signal", name, known)
+    wide = np.shape(known["q"])[-1] if np.ndim(known["q"]) == 2 else 0
+    if wide == nq:
+        checks.one_of("signal", "v", known)
     if "torque" not in known and not law:
         raise InputError("the log has neither torque nor the motors' k_p", name="torque")
     if wide not in (n, nq):
