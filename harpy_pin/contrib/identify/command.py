@@ -73,8 +73,8 @@ def identify(
     excited = sum(int(found.excited[name].sum()) for name in COLUMNS)
     many = len(COLUMNS) * len(found.names)
     console.print(f"the log excites {excited} of {many} numbers; (in brackets): not within a tenth")
-    if found.payload is not None and found.payload_error is not None:
-        mass, error = found.payload[0], found.payload_error[0]
+    if found.payload is not None:
+        mass, error = (float(part[0]) for part in found.payload)
         console.print(f"on the base: {mass:.2f} kg, standard error {error:.2f} kg")
     for line in found.status:
         console.print(f"log: {line}", soft_wrap=True)

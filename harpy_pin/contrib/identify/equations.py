@@ -1,10 +1,12 @@
 """Equations of motion that no unknown force enters, sample by sample.
 
-Of a robot that hangs by its base they are those of the joints. Of one that stands or walks they are
+A joint that carries no foot on the ground has an equation of its own: of a robot that hangs by its
+base each, of one that walks those of a leg in the air. What is on the base stands in
 
     Nᵀ (M(q) a + h(q, v) − Sᵀ τ) = 0   with   J_c N = 0,
 
-with J_c the Jacobian of the feet in contact: the columns of N are what their forces cannot reach.
+with J_c the Jacobian of the feet that may be on the ground: the columns of N are what their forces
+cannot reach.
 """
 
 from __future__ import annotations
@@ -14,8 +16,9 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
+from scipy.ndimage import minimum_filter1d
 
-from harpy_pin.contrib.identify.signals import Samples
+from harpy_pin.contrib.identify.signals import BRIEF, SPACING, Samples
 from harpy_pin.errors import InputError
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
@@ -26,25 +29,31 @@ a body.
 """
 REACHED = 1e-6
 """Singular value, as a share of the largest, from which on a force reaches a direction."""
+LIFTED, FAST = 0.03, 0.25
+"""A foot is in the air that is so much higher than the lowest, as a share of the base's height
+above it, and so fast, m/s.
+"""
+SELDOM, BLOCK = 5, 20
+"""One sample of so many tells of the payload, and so many are a block that has noise of its own."""
+SLOW = 0.5
+"""Velocity of a joint in the air, rad/s, below which dry friction may be anything."""
+AROUND = 2 * round(2.5 * BRIEF / SPACING) + 1
+"""Samples in a row in which it is: so far the window reaches."""
 
 
 @dataclass(frozen=True, eq=False)
 class Rows:
-    """Equations of some joints, each as both halves of the log say it.
+    """Equations of a joint, each as both halves of the log say it.
 
     Attributes:
-        joints: their numbers.
+        joint: its number.
         sample: (rows,) sample of each row, from the first one on.
-        select: (rows, len(joints)) share of each joint's torque in the row.
-        known: (2, rows) what the rigid model needs, N·m or N.
-        payload: (2, rows, 4) the same of a payload of 1 kg, and of 1 kg·m; or of no column.
+        known: (2, rows) what the rigid model needs, N·m.
     """
 
-    joints: list[int]
+    joint: int
     sample: NDArray[np.int64]
-    select: Vector
     known: Vector
-    payload: Vector
 
 
 def rigid(robot: Robot) -> pin.Model:
@@ -62,49 +71,77 @@ def rigid(robot: Robot) -> pin.Model:
     return model
 
 
-def hung_rows(robot: Robot, samples: Samples) -> list[Rows]:
-    """The equations of each joint of a robot whose base is held."""
-    model = rigid(robot)
-    data, n = model.createData(), len(samples.t)
-    known = np.array(
-        [[pin.rnea(model, data, *half.state(k))[6:] for k in range(n)] for half in samples.halves]
-    )
-    none = np.zeros((2, n, 0))
-    kept = [np.flatnonzero(one) for one in ~(samples.cut | samples.still).T]
-    return [
-        Rows([j], k, np.ones((len(k), 1)), known[:, k, j], none[:, k]) for j, k in enumerate(kept)
-    ]
-
-
-def standing_rows(robot: Robot, samples: Samples) -> Rows:
-    """The equations of all joints of a robot on its feet.
-
-    Raises:
-        InputError: it never stands long enough, or may push itself by thrusters.
-    """
-    if robot.thrusters or robot.rotors:
-        raise InputError("thrust is in no equation: hang the robot up", name="robot", value=robot)
-    model = rigid(robot)
+def in_the_air(robot: Robot, samples: Samples) -> NDArray[np.bool_]:
+    """(n, feet) whether no force is at a foot, by how it moves."""
+    model, half = robot.model, samples.halves[0]
     data, frames = model.createData(), [robot.frame_id(name) for name in robot.feet]
-    usable = samples.steady & samples.stance.any(axis=1)
-    unit, parts = np.eye(model.nv)[6:], []
-    for k in np.flatnonzero(usable):
-        both = [half.state(int(k)) for half in samples.halves]
-        pin.computeJointJacobians(model, data, both[0][0])
+    height, speed = np.empty((2, len(samples.t), len(frames)))
+    for k, (q, v) in enumerate(zip(half.q, half.v, strict=True)):
+        pin.forwardKinematics(model, data, q, v)
+        for i, frame in enumerate(frames):
+            height[k, i] = pin.updateFramePlacement(model, data, frame).translation[2]
+            speed[k, i] = np.linalg.norm(pin.getFrameVelocity(model, data, frame).linear)
+    lowest = height.min(axis=1, keepdims=True)
+    lifted = height - lowest > LIFTED * (half.q[:, 2:3] - lowest)
+    return np.asarray(minimum_filter1d(lifted & (speed > FAST), AROUND, axis=0))
+
+
+def joint_rows(robot: Robot, samples: Samples, air: NDArray[np.bool_]) -> list[Rows]:
+    """The equations of each joint where it carries no foot on the ground."""
+    model = rigid(robot)
+    data = model.createData()
+    known = np.array(
+        [
+            [
+                pin.rnea(model, data, *state)[6:]
+                for state in zip(half.q, half.v, half.a, strict=True)
+            ]
+            for half in samples.halves
+        ]
+    )
+    ends = [model.frames[robot.frame_id(name)].parentJoint for name in robot.feet]
+    carries = np.array(
+        [[end in model.subtrees[j] for j in range(2, model.njoints)] for end in ends]
+    )
+    slow = np.abs(samples.halves[0].v[:, 6:]) < SLOW
+    loaded = samples.still if samples.held else slow | (~air @ carries)
+    kept = [np.flatnonzero(one) for one in ~(samples.cut | loaded).T]
+    return [Rows(j, k, known[:, k, j]) for j, k in enumerate(kept)]
+
+
+def payload(
+    robot: Robot, samples: Samples, air: NDArray[np.bool_], torque: Vector, error: float
+) -> tuple[Vector, Vector]:
+    """(4,) mass on the base, and mass times place, and their standard errors.
+
+    Args:
+        robot: whose base it is.
+        samples: of the log.
+        air: (n, feet) which feet are in the air.
+        torque: (n, joints) at the joints, N·m.
+        error: standard error of each joint's torques, as a share of them.
+    """
+    model, half, parts = rigid(robot), samples.halves[0], []
+    data, frames = model.createData(), np.array([robot.frame_id(name) for name in robot.feet])
+    unit = np.eye(model.nv)[6:]
+    for k in range(0, len(samples.t), SELDOM):
+        state = half.q[k], half.v[k], half.a[k]
+        pin.computeJointJacobians(model, data, state[0])
         pin.updateFramePlacements(model, data)
-        stance = [frames[i] for i in np.flatnonzero(samples.stance[k])]
-        jacobians = [pin.getFrameJacobian(model, data, i, pin.LOCAL)[:3] for i in stance]
-        basis = unreached(np.concatenate((*jacobians, unit[samples.cut[k]]))).T
-        known = np.array([basis @ pin.rnea(model, data, *state) for state in both])
-        regressors = np.array(
-            [pin.computeJointTorqueRegressor(model, data, *state)[:, :PAYLOAD] for state in both]
-        )
-        payload = (basis @ regressors).swapaxes(0, 1)
-        parts.append((np.full(len(basis), k), basis[:, 6:], known.T, payload))
-    if not parts:
-        raise InputError("no foot ever stands", name="stance")
-    sample, select, right, payload = (np.concatenate(column) for column in zip(*parts, strict=True))
-    return Rows(list(range(len(robot.joints))), sample, select, right.T, payload.swapaxes(0, 1))
+        on = frames[~air[k]].tolist()
+        forces = [pin.getFrameJacobian(model, data, i, pin.LOCAL)[:3] for i in on]
+        basis = unreached(np.concatenate((*forces, unit[samples.cut[k]]))).T
+        regressor = pin.computeJointTorqueRegressor(model, data, *state)[:, :PAYLOAD]
+        shares = basis @ (unit.T * torque[k])
+        lacks = shares.sum(axis=1) - basis @ pin.rnea(model, data, *state)
+        parts.append(np.column_stack((lacks, basis @ regressor, shares)))
+    lacks, matrix, shares = np.split(np.concatenate(parts), [1, 1 + PAYLOAD], axis=1)
+    inverse = np.linalg.pinv(matrix)
+    found = inverse @ lacks[:, 0]
+    ends = np.cumsum([0, *map(len, parts)])[:-1:BLOCK]
+    scores = np.add.reduceat(inverse * (lacks[:, 0] - matrix @ found), ends, axis=1)
+    variance = np.sum(scores**2, axis=1) + np.sum((error * inverse @ shares) ** 2, axis=1)
+    return found, np.sqrt(variance)
 
 
 def unreached(jacobian: Vector) -> Vector:
@@ -112,5 +149,5 @@ def unreached(jacobian: Vector) -> Vector:
     not reach.
     """
     _, size, directions = np.linalg.svd(jacobian)
-    rank = int(np.sum(size > REACHED * size[0]))
+    rank = int(np.sum(size > REACHED * size.max(initial=0.0)))
     return np.asarray(directions[rank:].T)

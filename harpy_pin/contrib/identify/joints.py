@@ -25,8 +25,8 @@ class Joints(KnownJoints):
 
         torque_scale · τ(t − delay) + bias − armature · a − damping · v − friction · sign(v),
 
-    with τ what the log has as torque. A number is NaN where the log does not say it: its standard
-    error is more than a fifth of it. Only ``excited`` ones are known well.
+    with τ what the log has as torque. A number is NaN where the log does not say it within a fifth,
+    by three standard errors. Only ``excited`` ones are known well.
 
     Attributes:
         names: of the joints.
@@ -42,11 +42,10 @@ class Joints(KnownJoints):
             a tenth.
         left: (joints,) rms of the torque that is not explained, as a share of the log's.
         payload: (4,) mass on the base, kg, and mass times place in the base's axes, kg·m, beyond
-            the model's; None for a robot that hangs by its base, whose joints do not feel it.
-        payload_error: (4,) standard errors of it.
+            the model's, and (4,) standard errors; None for a robot that hangs by its base, whose
+            joints do not feel it, or has thrusters.
         status: what is wrong with the log, a line each; empty where nothing is.
-        rows: times, s, torques of the log, and what these numbers predict, N·m, of each joint of a
-            robot that hangs.
+        rows: times, s, torques of the log, and what these numbers predict, N·m, of each joint.
     """
 
     torque_scale: Vector
@@ -55,8 +54,7 @@ class Joints(KnownJoints):
     error: Mapping[str, Vector]
     excited: Mapping[str, NDArray[np.bool_]]
     left: Vector
-    payload: Vector | None = None
-    payload_error: Vector | None = None
+    payload: tuple[Vector, Vector] | None = None
     status: tuple[str, ...] = ()
     rows: tuple[tuple[Vector, Vector, Vector], ...] = field(default=())
 
@@ -66,22 +64,19 @@ class Joints(KnownJoints):
 
     def as_dict(self) -> dict[str, Any]:
         """For JSON: null for what is not known."""
-        joints: dict[str, Any] = {}
-        for k, joint in enumerate(self.names):
-            numbers = {name: float(getattr(self, name)[k]) for name in NUMBERS}
-            errors = {name: float(self.error[name][k]) for name in NUMBERS}
-            joints[joint] = {
-                **numbers,
-                "standard_error": errors,
+        joints = {
+            joint: {
+                **{name: float(getattr(self, name)[k]) for name in NUMBERS},
+                "standard_error": {name: float(self.error[name][k]) for name in NUMBERS},
                 "excited": [name for name in NUMBERS if self.excited[name][k]],
                 "left": float(self.left[k]),
             }
+            for k, joint in enumerate(self.names)
+        }
         found: dict[str, Any] = {"joints": joints, "status": list(self.status)}
-        if self.payload is not None and self.payload_error is not None:
-            found["payload"] = {
-                "value": self.payload.tolist(),
-                "standard_error": self.payload_error.tolist(),
-            }
+        if self.payload is not None:
+            value, error = (part.tolist() for part in self.payload)
+            found["payload"] = {"value": value, "standard_error": error}
         return found
 
     @checked
@@ -94,15 +89,14 @@ class Joints(KnownJoints):
         write_json(path, self.as_dict())
 
     def figure(self) -> Any:
-        """Torques of the log beside what the numbers predict, a panel a joint; of a robot that
-        hangs.
+        """Torques of the log beside what the numbers predict, a panel a joint.
 
         A ``matplotlib.figure.Figure``.
         """
         from matplotlib.figure import Figure
 
-        wide = 4 if len(self.rows) > 3 else max(len(self.rows), 1)
-        high = max(-(-len(self.rows) // wide), 1)
+        wide = min(len(self.rows), 4)
+        high = -(-len(self.rows) // wide)
         figure = Figure(figsize=(2.6 * wide, 1.6 * high), layout="constrained")
         for k, (t, known, predicted) in enumerate(self.rows):
             panel = figure.add_subplot(high, wide, k + 1)
@@ -111,8 +105,7 @@ class Joints(KnownJoints):
             panel.plot(t[part], predicted[part], ".", ms=1.0, color="#c8553d", label="predicted")
             panel.set_title(f"{self.names[k]}, {100.0 * self.left[k]:.1f} % left", fontsize=7)
             panel.tick_params(labelsize=6)
-        if self.rows:
-            figure.axes[0].legend(fontsize=6, frameon=False)
+        figure.axes[0].legend(fontsize=6, frameon=False)
         figure.supxlabel("s", fontsize=7)
         figure.supylabel("N·m", fontsize=7)
         return figure

@@ -107,12 +107,8 @@ def excitation(
     tries = [_drawn(robot, posture, reach, peak, rng) for _ in range(TRIES)]
     best = min(tries, key=lambda series: series.condition)
     t = period * np.arange(float(checks.ticks(duration, period)))
-    q, v, a = best.at(t)
-    x = np.clip(np.minimum(t, t[-1] - t) / RAMP, 0.0, 1.0)[:, None]  # of the ramps s = 3 x² - 2 x³
-    sign = np.where(t < 0.5 * t[-1], 1.0, -1.0)[:, None] / RAMP
-    s, ds = x**2 * (3.0 - 2.0 * x), sign * 6.0 * x * (1.0 - x)
-    dds = (6.0 - 12.0 * x) / RAMP**2 * ((x > 0.0) & (x < 1.0))
-    q, v, a = posture + s * q, s * v + ds * q, s * a + 2.0 * ds * v + dds * q
+    x = np.clip(np.minimum(t, t[-1] - t) / RAMP, 0.0, 1.0)[:, None]
+    q, v, a = _moved(t, posture + x**3 * (10.0 - 15.0 * x + 6.0 * x**2) * best.at(t))
     model = rigid(robot)
     held = np.append(pin.neutral(model)[:7], posture)
     upper = np.triu(pin.crba(model, model.createData(), held)[6:, 6:])
@@ -130,11 +126,16 @@ class _Series:
     phase: Vector
     condition: float = np.inf
 
-    def at(self, t: Vector) -> tuple[Vector, Vector, Vector]:
-        """(n, joints) angles about the posture, velocities and accelerations."""
+    def at(self, t: Vector) -> Vector:
+        """(n, joints) angles about the posture."""
         angle = t[:, None, None] * self.frequency + self.phase
-        a, w, sine, cosine = self.amplitude, self.frequency, np.sin(angle), np.cos(angle)
-        return (a * sine).sum(1), (a * w * cosine).sum(1), -(a * w**2 * sine).sum(1)
+        return np.asarray((self.amplitude * np.sin(angle)).sum(axis=1))
+
+
+def _moved(t: Vector, q: Vector) -> tuple[Vector, Vector, Vector]:
+    """Angles with their velocities and accelerations."""
+    v = np.gradient(q, t, axis=0)
+    return q, v, np.gradient(v, t, axis=0)
 
 
 def _drawn(
@@ -147,10 +148,10 @@ def _drawn(
     series = _Series(
         rng.uniform(0.7, 1.3, shape), 2.0 * np.pi * frequency, rng.uniform(-np.pi, np.pi, shape)
     )
-    t, model = np.arange(0.0, 1.0 / FUNDAMENTAL, 0.05), rigid(robot)
+    t, model = np.arange(0.0, 1.0 / FUNDAMENTAL, 0.02), rigid(robot)
     still = hung_torques(model, posture[None], *np.zeros((2, 1, len(posture))))
     for _ in range(3):  # torques are not proportional to the amplitudes
-        q, v, a = series.at(t)
+        q, v, a = _moved(t, series.at(t))
         torque = hung_torques(model, posture + q, v, a)
         limits = zip((q, v, torque - still), (reach, FASTEST, EFFORT * peak), strict=True)
         factors = [limit / np.maximum(np.abs(x).max(axis=0), 1e-9) for x, limit in limits]
