@@ -11,10 +11,10 @@ from itertools import product
 from typing import Any
 
 from harpy_pin.errors import KernelError
-from harpy_pin.kernels.assignments import Learnt, Wider
+from harpy_pin.kernels.assignments import Wider
 from harpy_pin.kernels.body import line_of
 from harpy_pin.kernels.code import Code, c, joined, variable
-from harpy_pin.kernels.numbers import EXTREMES, LIBRARY, OF_TWO
+from harpy_pin.kernels.numbers import EXTREMES
 from harpy_pin.kernels.numpy_functions import FUNCTIONS, KEYWORDS
 from harpy_pin.kernels.overlaps import stems, ways_of_caller
 from harpy_pin.kernels.source import Source, kernel_of, source_of
@@ -47,7 +47,7 @@ def translate(unit: Unit, kernel: Any, types: tuple[Type, ...]) -> CFunction:
         if function in unit.under_way:
             raise KernelError(f"{source.name} calls itself, which no kernel may")
         unit.under_way.append(function)
-        name, learnt, made = unit.function_name(function), Learnt(), None
+        name, learnt, made = unit.function_name(function), dict[object, Any](), None
         while made is None:
             try:
                 made = _Function(unit, source, name, types, learnt).run()
@@ -62,7 +62,12 @@ class _Function(Statements):
     """A kernel while it is translated."""
 
     def __init__(
-        self, unit: Unit, source: Source, name: str, types: tuple[Type, ...], learnt: Learnt
+        self,
+        unit: Unit,
+        source: Source,
+        name: str,
+        types: tuple[Type, ...],
+        learnt: dict[object, Any],
     ) -> None:
         super().__init__(unit, CFunction(name), source, learnt)
         for parameter, kind in zip(source.parameters, types, strict=True):
@@ -103,9 +108,10 @@ class _Function(Statements):
     def run(self) -> CFunction:
         """Translate it."""
         function, source, tree = self.function, self.source, self.source.tree
-        if not self.body(tree.body) and self.learnt.result not in (None, NOTHING):
+        left = self.body(tree.body)
+        function.result = self.learnt.get(RESULT, NOTHING)
+        if not left and function.result != NOTHING:
             raise source.error(tree.body[-1], "the end may be reached, where there is no result")
-        function.result = self.learnt.result or NOTHING
         lines = self.finish()
         function.written &= {name for name, _ in function.parameters}
         parameters: list[str] = []
@@ -139,23 +145,16 @@ class _Function(Statements):
         function = named.target
         if kernel_of(function) is not None:
             return self._call_kernel(function, self._arguments(node, source_of(function.py_func)))
-        if not any(function is one for one in (*LIBRARY, *FUNCTIONS)):
+        if not any(function is one for one in FUNCTIONS):
             raise refused(node.func, " is no kernel and none of the functions that kernels have")
         if not {keyword.arg for keyword in node.keywords} <= KEYWORDS.get(function, set()):
             raise refused(node, ": arguments by name")
         options = {str(keyword.arg): self.number(keyword.value) for keyword in node.keywords}
         arguments = self._tuple(ast.Tuple(list(map(_as_tuples, node.args)))).items
-        if function in FUNCTIONS:
-            count, make = FUNCTIONS[function]
-            if len(arguments) == count:
-                return make(self, *arguments, **options)
-        else:
-            count = 2 if function in EXTREMES or function in OF_TWO else 1
-            if len(arguments) == count or (len(arguments) > count and function in EXTREMES):
-                return self.elementwise(
-                    lambda *numbers: self.function_of_numbers(function, numbers), *arguments
-                )
-        raise refused(node, f": another number of arguments than {count}")
+        count, make = FUNCTIONS[function]
+        if len(arguments) != count and not (len(arguments) > count and function in EXTREMES):
+            raise refused(node, f": another number of arguments than {count}")
+        return make(self, *arguments, **options)
 
     def _arguments(self, node: ast.Call, source: Source) -> dict[str, Value]:
         """Arguments of a call by the names that they have in the kernel, in its order."""

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from harpy_pin.kernels.types import NOTHING, Array, Nothing, Struct, Tuple, Type
+from harpy_pin.kernels.types import NOTHING, Array, Nothing, Struct, Tuple, Type, known
 
 KEYWORDS = """auto break case char const continue default do double else enum extern float for
 goto if inline int long register restrict return short signed sizeof static struct switch typedef
@@ -148,29 +148,20 @@ class Unit:
             return self.results.setdefault(kind, f"results_{letters}")
         return str(kind)
 
+    def element(self, kind: Type) -> str:
+        """The type of a number or a record, or of the elements of an array."""
+        kind = kind.element if isinstance(kind, Array) else kind
+        return f"struct {self.struct(kind)}" if isinstance(kind, Struct) else str(kind)
+
     def declare(self, kind: Type, name: str) -> str:
-        """A declaration of a name."""
-        if isinstance(kind, Array):
-            element = (
-                f"struct {self.struct(kind.element)}"
-                if isinstance(kind.element, Struct)
-                else kind.element
-            )
-            return f"{element} *{name}"
-        if isinstance(kind, Struct):
-            return f"struct {self.struct(kind)} *{name}"
-        return f"{kind} {name}"
+        """A declaration of a name; that of an array or a record is a pointer."""
+        return f"{self.element(kind)} {'*' * isinstance(kind, Array | Struct)}{name}"
 
     def struct(self, record: Struct) -> str:
         """The name of a record's struct."""
         if record.dtype not in self.structs:
-            parts = (
-                kind.element if isinstance(kind, Array) else kind
-                for kind in record.fields().values()
-            )
-            for kind in parts:
-                if isinstance(kind, Struct):
-                    self.struct(kind)  # before this one
+            for kind in record.fields().values():
+                self.element(kind)  # a struct before this one
             stem = self.identifier(self.prefix + record.name)
             self.structs[record.dtype] = unused(stem, self.structs.values())
         return self.structs[record.dtype]
@@ -250,23 +241,11 @@ class Unit:
     def _struct_text(self, dtype: np.dtype[Any], name: str) -> str:
         lines = [f"struct {name} {{"]
         for entry, kind in Struct(dtype).fields().items():
-            own = self.identifier(entry)
-            if not isinstance(kind, Array):
-                element = f"struct {self.struct(kind)}" if isinstance(kind, Struct) else str(kind)
-                lines.append(f"    {element} {own};")
-                continue
-            if kind.empty:
-                continue
-            element = (
-                f"struct {self.struct(kind.element)}"
-                if isinstance(kind.element, Struct)
-                else str(kind.element)
-            )
-            shape = f"  /* {kind.shape} */" if len(kind.shape) > 1 else ""
-            lines.append(
-                f"    {element} "
-                f"{own}[{math.prod(n for n in kind.shape if isinstance(n, int))}];{shape}"
-            )
+            shape = known(kind.shape) if isinstance(kind, Array) else None
+            count = "" if shape is None else f"[{math.prod(shape)}]"
+            axes = f"  /* {shape} */" if shape is not None and len(shape) > 1 else ""
+            if count != "[0]":
+                lines.append(f"    {self.element(kind)} {self.identifier(entry)}{count};{axes}")
         return "\n".join([*lines, "};"])
 
     def function_name(self, function: Any) -> str:
