@@ -125,9 +125,9 @@ class Arrays(Numbers):
             pairs = zip(a.items, b.items, strict=True)
             return Items(tuple(self.choice(condition, x, y) for x, y in pairs))
         if isinstance(a, Number) and isinstance(b, Number):
-            return self._choice_of_numbers(condition, a, b)
+            return self.choice_of_numbers(condition, a, b)
         if isinstance(a, Computed) or isinstance(b, Computed):
-            return self.where(condition, a, b)
+            return self.elementwise(self.choice_of_numbers, condition, a, b)
         if isinstance(a, View | Record) and isinstance(b, View | Record) and a.type == b.type:
             code = choice_of(condition.code, a.address, b.address)
             ways = a.ways | b.ways if a.ways and b.ways else frozenset[str]()
@@ -136,12 +136,8 @@ class Arrays(Numbers):
             return Record(a.type, code, pointer=True, roots=a.roots | b.roots, ways=ways)
         raise Refused("two kinds of value, one of which is chosen at run time")
 
-    def where(self, condition: Value, a: Value, b: Value) -> Value:
-        """``np.where``."""
-
-        return self.elementwise(self._choice_of_numbers, condition, a, b)
-
-    def _choice_of_numbers(self, condition: Number, a: Number, b: Number) -> Number:
+    def choice_of_numbers(self, condition: Number, a: Number, b: Number) -> Number:
+        """One of two numbers."""
         kind = wider(a, b)
         codes = self.cast(a, kind).code, self.cast(b, kind).code
         return Number(kind, choice_of(self.cast(condition, BOOLEAN).code, *codes))

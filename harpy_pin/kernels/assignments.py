@@ -223,7 +223,7 @@ class Assignments(Parts):
             self.function.written |= owner.roots
             found = self.field(owner, target.attr)
             if isinstance(found, Number):
-                return replace(found, code=replace(found.code, loads=owner.code.loads))
+                return found._replace(code=found.code._replace(loads=owner.code.loads))
             if isinstance(found, View):
                 return found
         if not isinstance(owner, AnArray) or not isinstance(target, ast.Subscript):

@@ -195,11 +195,12 @@ class _Function(Statements):
             elif not isinstance(kind, Fixed):
                 codes.append(value.code if isinstance(value, Number) else value.address)
         self._keep_apart(called, given)
+        call = Code(called.name, calls=frozenset((called.name,)))
         if isinstance(called.result, Array):
             made = self.space("result", called.result.shape)
-            self.emit("{};", _call_of(called, [*codes, made.base]))
+            self.emit("{}({});", call, joined([*codes, made.base]))
             return replace(made, made=True)
-        code = _call_of(called, codes)
+        code = c("{}({})", call, joined(codes))
         if isinstance(called.result, Tuple):
             own = self.fresh("result")
             self.emit("const {} {} = {};", self.unit.result_type(called.result), own, code)
@@ -223,12 +224,6 @@ class _Function(Statements):
                 f"a call of {called.name} that writes to '{pair[0]}' what it reads as '{pair[1]}'",
             )
             self.function.apart |= set(product(written, read))
-
-
-def _call_of(called: CFunction, codes: list[Code]) -> Code:
-    """The call in C."""
-    code = c("{}({})", called.name, joined(codes))
-    return Code(code.text, names=code.names, loads=code.loads, calls=code.calls | {called.name})
 
 
 def _passed(value: Value) -> Type:

@@ -195,7 +195,7 @@ class Kernel(Caller, Generic[Result_co]):
         named = dict(zip(self._names, types, strict=True))
         version = Version(entry, told, named, self._shapes, release=self._release)
         with _LOCK:
-            _join_bridge()
+            join(Kernel, chains=False)
             self._address = version.before(getattr(self, "_address", 0))
             self._kept += [lib, version]
 
@@ -273,11 +273,6 @@ def _described(given: Mapping[str, Any]) -> str:
         )
 
     return ", ".join(f"{name}: {kind(value)}" for name, value in given.items())
-
-
-@cache
-def _join_bridge() -> None:
-    join(Kernel, chains=False)
 
 
 @cache

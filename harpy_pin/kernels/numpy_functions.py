@@ -304,7 +304,7 @@ FUNCTIONS: dict[Any, tuple[int, Callable[..., Value]]] = {
     np.dot: (2, NumpyFunctions.product),
     np.cross: (2, NumpyFunctions.cross),
     np.outer: (2, NumpyFunctions.outer),
-    np.where: (3, NumpyFunctions.where),
+    np.where: (3, lambda body, *given: body.elementwise(body.choice_of_numbers, *given)),
     np.maximum: (2, lambda body, a, b: body.extreme("maximum", a, b)),
     np.minimum: (2, lambda body, a, b: body.extreme("minimum", a, b)),
     np.clip: (3, NumpyFunctions.clip),

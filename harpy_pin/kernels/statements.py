@@ -163,17 +163,13 @@ class Statements(Assignments):
         leaves = any(isinstance(node, ast.Break) for node in ast.walk(statement))
         return condition.constant is True and not leaves
 
-    def do_continue(self, _: ast.Continue) -> bool:
-        """To the next round."""
+    def do_break(self, statement: ast.Break | ast.Continue) -> bool:
+        """Out of a loop, or to its next round."""
         self.jumps[-1].append(dict(self.environment))
-        self.emit("continue;")
+        self.emit("{};", type(statement).__name__.lower())
         return True
 
-    def do_break(self, _: ast.Break) -> bool:
-        """Out of a loop."""
-        self.jumps[-1].append(dict(self.environment))
-        self.emit("break;")
-        return True
+    do_continue = do_break
 
     def do_for(self, statement: ast.For) -> None:
         """A loop over a range, or over a tuple of numbers of one type."""

@@ -7,7 +7,7 @@ from __future__ import annotations
 import math
 import re
 import textwrap
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, field
 from itertools import accumulate, count
 from pathlib import Path
@@ -54,10 +54,14 @@ def in_part(number: int | str) -> str:
     return f"#if !defined(PART) || PART == {number}"
 
 
+def numbered(stem: str) -> Iterator[str]:
+    """Names that begin so."""
+    return (f"{stem}_{n}" if n > 1 else stem for n in count(1))
+
+
 def unused(stem: str, taken: Collection[str]) -> str:
     """A name that begins so, and that is not taken."""
-    names = (f"{stem}_{n}" if n > 1 else stem for n in count(1))
-    return next(name for name in names if name not in taken)
+    return next(name for name in numbered(stem) if name not in taken)
 
 
 @dataclass
@@ -108,11 +112,8 @@ class Unit:
 
     def define(self, name: str, code: str) -> str:
         """A constant by name; of two constants of one name the later one has a number."""
-        own, n = name, 1
-        while self.constants.setdefault(own, code) != code or own in ("INFINITY", "NAN", "NULL"):
-            n += 1
-            own = f"{name}_{n}"
-        return own
+        names = (own for own in numbered(name) if own not in ("INFINITY", "NAN", "NULL"))
+        return next(own for own in names if self.constants.setdefault(own, code) == code)
 
     def helper(self, name: str) -> str:
         """One of :data:`HELPERS`, from now on a part of the file."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import ast
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 from harpy_pin.kernels.code import ATOM, BINDING, NONE, UNARY, Code, c, joined
 from harpy_pin.kernels.types import Array, Scalar, Size, Struct
@@ -26,8 +26,7 @@ def refused(node: ast.AST, reason: str = "") -> Refused:
     return Refused(f"'{ast.unparse(node)}'{reason}")
 
 
-@dataclass(frozen=True)
-class Number:
+class Number(NamedTuple):
     """A number."""
 
     type: Scalar
