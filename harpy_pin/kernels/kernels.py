@@ -249,12 +249,8 @@ def _plain(value: Any) -> Any:
         array = np.asarray(value)
         dtype = _DTYPES.setdefault(array.dtype, array.dtype)
         return array if dtype is array.dtype else array.view(dtype)
-    if isinstance(value, np.floating):
-        return float(value)
-    if isinstance(value, np.bool_):
-        return bool(value)
-    if isinstance(value, np.integer):
-        return int(value)
+    if isinstance(value, np.floating | np.integer | np.bool_):
+        return value.item()
     if isinstance(value, tuple):
         return tuple(map(_plain, value))
     return value

@@ -127,27 +127,22 @@ def fingerprint(function: FunctionType, *, portable: bool = False) -> bytes:
     while waiting:
         one = waiting.pop()
         if one not in seen:
-            seen[one], called = _own_fingerprint(one)
+            seen[one], called = _own_fingerprint(one, portable)
             waiting.extend(called)
-            code = one.__code__
-            if portable:
-                seen[one] = seen[one].replace(_described(code).encode(), _digest(code.co_filename))
-            else:
-                seen[one] += repr(
-                    [line for _, _, line in code.co_lines()]
-                ).encode()  # debuggers show them
     return b"".join(sorted(seen.values()))
 
 
 @cache
-def _digest(file: str) -> bytes:
+def _digest(file: str) -> str:
     with suppress(OSError):  # a kernel that was typed in has no file
-        return hashlib.sha256(Path(file).read_bytes()).digest()
-    return b""
+        return hashlib.sha256(Path(file).read_bytes()).hexdigest()
+    return ""
 
 
 @cache
-def _own_fingerprint(function: FunctionType) -> tuple[bytes, tuple[FunctionType, ...]]:
+def _own_fingerprint(
+    function: FunctionType, portable: bool = False
+) -> tuple[bytes, tuple[FunctionType, ...]]:
     code, known = function.__code__, _globals(function)
     called: list[FunctionType] = []
     named: list[str] = []
@@ -159,7 +154,9 @@ def _own_fingerprint(function: FunctionType) -> tuple[bytes, tuple[FunctionType,
             named.append(f"{name}→{kernel.__module__}.{kernel.__qualname__}")
         elif isinstance(value, int | float | tuple | np.number):
             named.append(f"{name}={value!r}")
-    text = f"{function.__qualname__}{_described(code)}{function.__defaults__!r}{named!r}"
+    lines = [line for _, _, line in code.co_lines()]  # debuggers show them
+    own = _digest(code.co_filename) if portable else f"{_described(code)}{lines}"
+    text = f"{function.__qualname__}{own}{function.__defaults__!r}{named!r}"
     return text.encode(), tuple(called)
 
 
