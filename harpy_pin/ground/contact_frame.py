@@ -45,7 +45,7 @@ def is_level(normal: Vector) -> bool:
 def all_upward(normal: Vector) -> bool:
     """Whether all normals (feet, 3) that are not vertical point upwards and have length one."""
     x, y, z = normal[:, 0], normal[:, 1], normal[:, 2]
-    return bool(
+    return is_level(normal) or bool(
         np.all((x == 0.0) & (y == 0.0) | (z > 0.0) & (abs(x * x + y * y + z * z - 1.0) < LENGTH))
     )
 

@@ -26,6 +26,7 @@ from harpy_pin.kernels.values import (
     Refused,
     Value,
     View,
+    memory_at,
     refuse_if,
     refused,
 )
@@ -153,10 +154,8 @@ class Assignments(Parts):
         """Give a name a value."""
         if isinstance(value, Number):
             self.environment[name] = self._set_number(name, value)
-        elif isinstance(value, Computed):
+        elif isinstance(value, Computed) or (isinstance(value, View) and value.made):
             self.environment[name] = self.in_memory(value, name)
-        elif isinstance(value, View) and value.made:
-            self.environment[name] = replace(value, made=False)
         elif isinstance(value, View | Record):
             self.environment[name] = self._set_memory(name, value)
         else:
@@ -187,10 +186,7 @@ class Assignments(Parts):
         own = self.variable(name, self.unit.identifier(name), declared)
         code = self.write(own, value.address)
         memory = (value.roots, value.ways)  # of all that it may stand for anywhere in the function
-        roots, ways = self.learn(("memory", own.name), memory, _all_memory)
-        if isinstance(value, View):
-            return View(value.type, code, None, roots, ways)
-        return Record(value.type, code, True, roots, ways)
+        return memory_at(code, value.type, *self.learn(("memory", own.name), memory, _all_memory))
 
     def _fix_sizes(self, name: str, kind: Array) -> Array:
         """The type of a view whose sizes no later assignment changes."""

@@ -32,6 +32,7 @@ from harpy_pin.kernels.values import (
     Refused,
     Value,
     View,
+    memory_at,
     refuse_if,
     refused,
 )
@@ -88,10 +89,8 @@ class _Function(Statements):
             self.taken |= {size.text for size in kind.sizes}
         self.function.parameters.append((name, kind))
         memory = frozenset((name,))
-        if isinstance(kind, Array):
-            return View(kind, variable(own), None, memory, memory)
-        if isinstance(kind, Struct):
-            return Record(kind, variable(own), True, memory, memory)
+        if isinstance(kind, Array | Struct):
+            return memory_at(variable(own), kind, memory, memory)
         if isinstance(kind, Fixed):
             if self.stores[name]:
                 raise KernelError(

@@ -45,6 +45,10 @@ class NumpyFunctions(Arrays):
 
     def relation(self, operator: type[ast.cmpop], a: Value, b: Value) -> Number | Computed:
         """A comparison of numbers, arrays, or tuples of numbers."""
+        if operator is ast.In and isinstance(a, Number) and isinstance(b, Items):
+            number = self.once(a)
+            found = [self.comparison(ast.Eq, number, as_number(item)) for item in b.items]
+            return self.conditions("||", found)
         tuples = isinstance(a, Items) and isinstance(b, Items)
         refuse_if(
             operator not in ((ast.Eq, ast.NotEq) if tuples else COMPARISONS),

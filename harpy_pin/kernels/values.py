@@ -119,6 +119,15 @@ class Record:
         return self.code if self.pointer else c("&{}", self.code, binding=UNARY)
 
 
+def memory_at(
+    address: Code, kind: Array | Struct, roots: frozenset[str], ways: frozenset[str]
+) -> View | Record:
+    """The array or the record that is at an address."""
+    if isinstance(kind, Array):
+        return View(kind, address, None, roots, ways)
+    return Record(kind, address, True, roots, ways)
+
+
 @dataclass(frozen=True)
 class Items:
     """Several values at once."""
