@@ -44,8 +44,10 @@ def is_level(normal: Vector) -> bool:
 @kernel
 def all_upward(normal: Vector) -> bool:
     """Whether all normals (feet, 3) that are not vertical point upwards and have length one."""
+    if is_level(normal):
+        return True
     x, y, z = normal[:, 0], normal[:, 1], normal[:, 2]
-    return is_level(normal) or bool(
+    return bool(
         np.all((x == 0.0) & (y == 0.0) | (z > 0.0) & (abs(x * x + y * y + z * z - 1.0) < LENGTH))
     )
 
