@@ -250,7 +250,7 @@ def _plain(value: Any) -> Any:
         dtype = _DTYPES.setdefault(array.dtype, array.dtype)
         return array if dtype is array.dtype else array.view(dtype)
     if isinstance(value, np.floating | np.integer | np.bool_):
-        return value.item()
+        return float(value) if isinstance(value, np.floating) else value.item()
     if isinstance(value, tuple):
         return tuple(map(_plain, value))
     return value
