@@ -378,8 +378,13 @@ def all_finite(array: Vector) -> bool:
 
 @kernel(array=("n",))
 def all_possible(array: Vector) -> bool:
-    """Whether all entries of a vector are numbers within ``MAX_SAMPLE``."""
-    return bool(np.all(abs(array) <= MAX_SAMPLE))
+    """Whether all entries of a vector are numbers within ``MAX_SAMPLE``; a count, with which ticks
+    take less time than with ``np.all``.
+    """
+    bad = 0
+    for i in range(array.shape[0]):
+        bad += not abs(array[i]) <= MAX_SAMPLE
+    return bad == 0
 
 
 @kernel(array=("n", 3))
