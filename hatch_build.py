@@ -16,6 +16,10 @@ from typing import Any
 
 from hatchling.builders.hooks.plugin.interface import BuildHookInterface
 
+TRIED = "py311.py312.py313"
+"""Versions of Python that the kernels' tests were run with; pip gives the wheel to later ones,
+too.
+"""
 COMPILE = """
 import runpy, sys
 from harpy_pin.cli.compile import compile_ahead
@@ -50,7 +54,7 @@ class WheelWithKernels(BuildHookInterface[Any]):
         }
         build_data["pure_python"] = False
         build_data["tag"] = (
-            f"py3-none-{sysconfig.get_platform().replace('-', '_').replace('.', '_')}"
+            f"{TRIED}-none-{sysconfig.get_platform().replace('-', '_').replace('.', '_')}"
         )
 
     def finalize(self, version: str, build_data: dict[str, Any], artifact_path: str) -> None:

@@ -323,9 +323,7 @@ def step_batch(
             status[i] = p.status_and_steps[0]
             move_targets(m, p.system.acceleration, status[i] & TORQUE_CLIPPED == 0, q[i], v[i])
         else:
-            p.inputs[:] = 0.0
-            p.force[:] = 0.0
-            m.law[:] = 0.0
+            p.inputs[:] = p.force[:] = m.law[:] = 0.0
             m.follows = 0
             status[i] = BAD_STATE
         free_piece[i], limited_piece[i] = p.free_piece, p.limited_piece

@@ -177,19 +177,21 @@ def _stay_in_range(p: TaskSettingsRecord, t: TargetsRecord, angle: Vector, speed
 @kernel
 def possible_feet(g: GaitTargetRecord) -> bool:
     """Whether the targets of all feet are numbers within ``MAX_SAMPLE``."""
-    motion = all_possible_rows(g.foot_position) and all_possible_rows(g.foot_velocity)
-    motion = motion and all_possible_rows(g.foot_acceleration)
-    motion = motion and all_possible_rows(g.tilt_rate) and all_possible_rows(g.force)
-    motion = (
-        motion and all_upward(g.normal) and all_possible(g.ground_height) and all_possible(g.up)
-    )
-    motion = (
-        motion
+    return (
+        all_possible_rows(g.foot_position)
+        and all_possible_rows(g.foot_velocity)
+        and all_possible_rows(g.foot_acceleration)
+        and all_possible_rows(g.tilt_rate)
+        and all_possible_rows(g.force)
+        and all_upward(g.normal)
+        and all_possible(g.ground_height)
+        and all_possible(g.up)
         and all_possible(g.load)
         and all_possible(g.centre_of_mass)
         and all_possible(g.world_frame_blend)
+        and all_possible(g.stance)
+        and all_possible(g.phase)
     )
-    return motion and all_possible(g.stance) and all_possible(g.phase)
 
 
 @kernel
@@ -219,8 +221,7 @@ def _body_targets(
         g.body[6:] + p.body[0] * (g.body[:3] - q[:3]) + p.body[1] * (g.body[3:6] - rotation @ v[:3])
     )
     # The body's quaternion, turned back by what the target has: heading and tilt.
-    turned = np.empty(4)
-    turned[:] = q[3:7]
+    turned = np.array(q[3:7])
     if p.flies:
         limit_push(tree.gravity, t.body)
     if p.leans:

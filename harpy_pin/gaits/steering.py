@@ -39,16 +39,9 @@ AHEAD = 8
 @kernel
 def restart(p: CommandedRecord) -> None:
     """Stand at the origin, facing x, at time zero."""
-    p.time = 0.0
-    p.goal[:] = 0.0
-    p.velocity[:] = 0.0
-    p.rate[:] = 0.0
-    p.path[:] = 0.0
+    p.time = p.goal[:] = p.velocity[:] = p.rate[:] = p.path[:] = 0.0
     p.phase = 0.5 * p.double_support
-    p.walking = p.begun = p.refused = 0.0
-    p.last_command[:] = 0.0
-    p.leftover[:] = 0.0
-    p.in_air[:] = 0.0
+    p.walking = p.begun = p.refused = p.last_command[:] = p.leftover[:] = p.in_air[:] = 0.0
     p.foot_velocity[:] = 0.0
     p.foot[:] = np.array([[0.0, p.width], [0.0, -p.width]])
     p.foothold[:] = p.foot

@@ -196,9 +196,7 @@ def lay_over(t: float, p: OnTerrainRecord, g: GaitTargetRecord, o: GaitTargetRec
     gait says.
     """
     if t <= 0.0 or t < p.time - p.swing_time:
-        p.aside[:] = 0.0
-        p.next_aside[:] = 0.0
-        p.moving[:] = 0.0
+        p.aside[:] = p.next_aside[:] = p.moving[:] = 0.0
     p.time = t
     copy_target(g, o)
     if p.terrain.level:

@@ -241,10 +241,7 @@ def explicit_update(x_r: Vector, x_w: Vector, dt: float, p: ErgRecord) -> bool:
     Returns:
         Whether both references violate a row.
     """
-    worst = 0
-    for k in range(1, p.h_w.shape[0]):
-        if p.h_w[k] < p.h_w[worst]:
-            worst = k
+    worst = np.argmin(p.h_w)
     min_r, min_w = float(np.min(p.h_r)), p.h_w[worst]
     p.rate[:] = 0.0
     # v_r: straight to the target.

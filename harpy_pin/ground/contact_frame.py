@@ -38,21 +38,18 @@ def contact_frames(normal: Vector, frame: Vector) -> None:
 @kernel
 def is_level(normal: Vector) -> bool:
     """Whether all normals (feet, 3) are vertical."""
-    level = True
-    for k in range(normal.shape[0]):
-        level = level and normal[k, 0] == 0.0 and normal[k, 1] == 0.0
-    return level
+    return bool(np.all((normal[:, 0] == 0.0) & (normal[:, 1] == 0.0)))
 
 
 @kernel
 def all_upward(normal: Vector) -> bool:
     """Whether all normals (feet, 3) that are not vertical point upwards and have length one."""
-    good = True
-    for k in range(normal.shape[0]):
-        x, y, z = normal[k, 0], normal[k, 1], normal[k, 2]
-        if x != 0.0 or y != 0.0:
-            good = good and z > 0.0 and abs(x * x + y * y + z * z - 1.0) < LENGTH
-    return good
+    if is_level(normal):
+        return True
+    x, y, z = normal[:, 0], normal[:, 1], normal[:, 2]
+    return bool(
+        np.all((x == 0.0) & (y == 0.0) | (z > 0.0) & (abs(x * x + y * y + z * z - 1.0) < LENGTH))
+    )
 
 
 @kernel

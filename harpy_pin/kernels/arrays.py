@@ -17,7 +17,17 @@ from harpy_pin.kernels.code import BINDING, UNARY, Code, c, joined, variable
 from harpy_pin.kernels.numbers import Numbers, choice_of, wider
 from harpy_pin.kernels.overlaps import may_meet, may_overlap
 from harpy_pin.kernels.types import BOOLEAN, INTEGER, REAL, SINGLE, Array, Scalar, Size, known
-from harpy_pin.kernels.values import AnArray, Computed, Items, Number, Record, Refused, Value, View
+from harpy_pin.kernels.values import (
+    AnArray,
+    Computed,
+    Items,
+    Number,
+    Record,
+    Refused,
+    Value,
+    View,
+    memory_at,
+)
 
 SHORT = 9
 """Elements that are written one by one, without a loop."""
@@ -124,24 +134,17 @@ class Arrays(Numbers):
         if isinstance(a, Items) and isinstance(b, Items) and len(a.items) == len(b.items):
             pairs = zip(a.items, b.items, strict=True)
             return Items(tuple(self.choice(condition, x, y) for x, y in pairs))
-        if isinstance(a, Number) and isinstance(b, Number):
-            return self._choice_of_numbers(condition, a, b)
-        if isinstance(a, Computed) or isinstance(b, Computed):
-            return self.where(condition, a, b)
+        numbers = isinstance(a, Number) and isinstance(b, Number)
+        if numbers or isinstance(a, Computed) or isinstance(b, Computed):
+            return self.elementwise(self.choice_of_numbers, condition, a, b)
         if isinstance(a, View | Record) and isinstance(b, View | Record) and a.type == b.type:
             code = choice_of(condition.code, a.address, b.address)
             ways = a.ways | b.ways if a.ways and b.ways else frozenset[str]()
-            if isinstance(a, View):
-                return View(a.type, code, roots=a.roots | b.roots, ways=ways)
-            return Record(a.type, code, pointer=True, roots=a.roots | b.roots, ways=ways)
+            return memory_at(code, a.type, a.roots | b.roots, ways)
         raise Refused("two kinds of value, one of which is chosen at run time")
 
-    def where(self, condition: Value, a: Value, b: Value) -> Value:
-        """``np.where``."""
-
-        return self.elementwise(self._choice_of_numbers, condition, a, b)
-
-    def _choice_of_numbers(self, condition: Number, a: Number, b: Number) -> Number:
+    def choice_of_numbers(self, condition: Number, a: Number, b: Number) -> Number:
+        """One of two numbers."""
         kind = wider(a, b)
         codes = self.cast(a, kind).code, self.cast(b, kind).code
         return Number(kind, choice_of(self.cast(condition, BOOLEAN).code, *codes))
@@ -185,9 +188,7 @@ class Arrays(Numbers):
             return value
         own = self.fresh(name)
         self.emit("{} = {};", self.unit.declare(value.type, f"const {own}"), value.address)
-        if isinstance(value, View):
-            return replace(value, base=own, offset=None)
-        return replace(value, code=own, pointer=True)
+        return memory_at(own, value.type, value.roots, value.ways)
 
     def fill(self, place: AnArray, value: Value) -> None:
         """Write every element of an array, from a number, or from an array of its shape."""

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import ast
 from collections import Counter
-from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import replace
 from functools import cache
+from typing import Any, TypeVar
 
 from harpy_pin.kernels.arrays import as_number, is_empty
 from harpy_pin.kernels.body import Variable
@@ -14,7 +15,7 @@ from harpy_pin.kernels.code import NONE, Code
 from harpy_pin.kernels.expressions import reads
 from harpy_pin.kernels.parts import Parts
 from harpy_pin.kernels.source import Source
-from harpy_pin.kernels.types import SINGLE, Array, Scalar, Size, Type
+from harpy_pin.kernels.types import SINGLE, Array, Scalar, Size
 from harpy_pin.kernels.unit import CFunction, Unit
 from harpy_pin.kernels.values import (
     AnArray,
@@ -25,6 +26,7 @@ from harpy_pin.kernels.values import (
     Refused,
     Value,
     View,
+    memory_at,
     refuse_if,
     refused,
 )
@@ -36,21 +38,12 @@ LONG = 16
 """Characters of a value that is written out for each of several targets."""
 
 
+Known = TypeVar("Known")
+Memory = tuple[frozenset[str], frozenset[str]]  # roots and ways of a view or a record
+
+
 class Wider(Exception):
     """Something was learnt that what is written already depends on: start again."""
-
-
-@dataclass
-class Learnt:
-    """What is known of a function from earlier attempts to translate it."""
-
-    # of variables that are numbers, the type that holds every value
-    ranks: dict[str, Scalar] = field(default_factory=dict)
-    result: Type | None = None
-    # of variables of C that are arrays or records, the roots and ways of all that they stand for
-    memory: dict[str, tuple[frozenset[str], frozenset[str]]] = field(default_factory=dict)
-    # by the line of a loop, names that stand for different things from one round to the next
-    unsettled: dict[int, set[str]] = field(default_factory=dict)
 
 
 def stored(nodes: Iterable[ast.AST]) -> Iterator[str]:
@@ -73,13 +66,26 @@ class Assignments(Parts):
     ``ast.Assign``, and so on.
     """
 
-    def __init__(self, unit: Unit, function: CFunction, source: Source, learnt: Learnt) -> None:
+    def __init__(
+        self, unit: Unit, function: CFunction, source: Source, learnt: dict[object, Any]
+    ) -> None:
         self.stores = Counter(stored([source.tree]))
         super().__init__(unit, function, source, set(self.stores) | set(source.parameters))
         self.learnt = learnt
         # what is known at each ``break`` and ``continue``, by the loops around
         self.jumps: list[list[dict[str, Value | None]]] = []
         self.arguments: dict[str, Number] = {}  # numbers that the kernel changes
+
+    def learn(self, what: object, found: Known, both: Callable[[Known, Known], Known]) -> Known:
+        """What is known from all places of the function, and earlier attempts to translate it; a
+        new attempt begins where that is more than it was.
+        """
+        before: Known = self.learnt.setdefault(what, found)
+        after = both(before, found)
+        if after != before:
+            self.learnt[what] = after
+            raise Wider
+        return before
 
     def do_assign(self, statement: ast.Assign) -> None:
         """``target = value``, or ``target = other = value``."""
@@ -148,10 +154,8 @@ class Assignments(Parts):
         """Give a name a value."""
         if isinstance(value, Number):
             self.environment[name] = self._set_number(name, value)
-        elif isinstance(value, Computed):
+        elif isinstance(value, Computed) or (isinstance(value, View) and value.made):
             self.environment[name] = self.in_memory(value, name)
-        elif isinstance(value, View) and value.made:
-            self.environment[name] = replace(value, made=False)
         elif isinstance(value, View | Record):
             self.environment[name] = self._set_memory(name, value)
         else:
@@ -166,10 +170,7 @@ class Assignments(Parts):
             )
             self.emit("{} = {};", argument.code, self.cast(value, argument.type).code)
             return argument
-        kind = self.learnt.ranks.setdefault(name, value.type)
-        if value.type.rank > kind.rank:
-            self.learnt.ranks[name] = value.type
-            raise Wider
+        kind = self.learn(("number", name), value.type, _wider)
         value = self.cast(value, kind)
         own = self.variable(name, self.unit.identifier(name), self.unit.declare(kind, "{}"))
         constant = value.constant if self.stores[name] == 1 else None
@@ -184,20 +185,8 @@ class Assignments(Parts):
         declared = self.unit.declare(value.type, "{}")
         own = self.variable(name, self.unit.identifier(name), declared)
         code = self.write(own, value.address)
-        roots, ways = self._all_memory(own.name, value)
-        if isinstance(value, View):
-            return View(value.type, code, None, roots, ways)
-        return Record(value.type, code, True, roots, ways)
-
-    def _all_memory(self, own: str, value: View | Record) -> tuple[frozenset[str], frozenset[str]]:
-        """Roots and ways of all that a variable may stand for anywhere in the function."""
-        known = self.learnt.memory.setdefault(own, (value.roots, value.ways))
-        roots, ways = known
-        both = roots | value.roots, ways | value.ways if ways and value.ways else NONE
-        if both != known:
-            self.learnt.memory[own] = both
-            raise Wider
-        return known
+        memory = (value.roots, value.ways)  # of all that it may stand for anywhere in the function
+        return memory_at(code, value.type, *self.learn(("memory", own.name), memory, _all_memory))
 
     def _fix_sizes(self, name: str, kind: Array) -> Array:
         """The type of a view whose sizes no later assignment changes."""
@@ -230,7 +219,7 @@ class Assignments(Parts):
             self.function.written |= owner.roots
             found = self.field(owner, target.attr)
             if isinstance(found, Number):
-                return replace(found, code=replace(found.code, loads=owner.code.loads))
+                return found._replace(code=found.code._replace(loads=owner.code.loads))
             if isinstance(found, View):
                 return found
         if not isinstance(owner, AnArray) or not isinstance(target, ast.Subscript):
@@ -295,3 +284,11 @@ class Assignments(Parts):
             self.emit("{} = {};", place.code, self.cast(after, place.type).code)
         else:
             self.emit("{} {} {};", place.code, SIGNS[operator], self.cast(value, place.type).code)
+
+
+def _wider(a: Scalar, b: Scalar) -> Scalar:
+    return max(a, b, key=lambda kind: kind.rank)
+
+
+def _all_memory(a: Memory, b: Memory) -> Memory:
+    return a[0] | b[0], a[1] | b[1] if a[1] and b[1] else NONE

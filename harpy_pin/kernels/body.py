@@ -7,11 +7,11 @@ from __future__ import annotations
 import ast
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 from harpy_pin.kernels.code import Code, c, variable
 from harpy_pin.kernels.source import Source
-from harpy_pin.kernels.unit import CFunction, Unit, unused
+from harpy_pin.kernels.unit import CFunction, Unit, numbered, unused
 
 
 @dataclass
@@ -80,7 +80,7 @@ def _items(block: Block, around: Place = ()) -> Iterator[tuple[Place, Code, Vari
         elif isinstance(item, Block):
             for where, code, target in (place, item.header, None), *_items(item, place):
                 if item.own and item.own.text in code.names:
-                    code = replace(code, names=code.names - item.own.names)
+                    code = code._replace(names=code.names - item.own.names)
                 yield where, code, target
         else:
             yield place, item, None
@@ -125,14 +125,12 @@ class Body:
         """The variable of a name of the kernel; another one where that stood for another kind of
         thing, or if it is an array.
         """
-        own, n = name, 1
-        while True:
+        for own in numbered(name):
             found = self.variables.get(own)
             if found is not None and found.declaration == declaration.format(own) and not array:
                 return found
             if found is None and own not in self.taken:
                 break
-            own, n = f"{name}_{n + 1}", n + 1
         self.taken.add(own)
         self.variables[own] = Variable(own, of, declaration.format(own), array)
         return self.variables[own]

@@ -44,9 +44,10 @@ class Caller:
         return self.slowly(*arguments, **named)
 
 
+@cache
 def join(kind: type[Caller], *, chains: bool) -> None:
     """Let C make the calls of all objects of a class, which is derived from :class:`Caller`
-    first.
+    first; done once.
     """
     name = f"{kind.__module__}.{kind.__name__}"
     kind.__bases__ = (bridge().make_type(Caller, name.encode(), chains), *kind.__bases__[1:])

@@ -7,7 +7,6 @@ from __future__ import annotations
 import ctypes
 import sys
 from collections.abc import Mapping, Sequence
-from functools import cache
 from typing import Any
 
 import numpy as np
@@ -76,11 +75,6 @@ class _Chain(ctypes.Structure):
     )
 
 
-@cache
-def _join_bridge() -> None:
-    join(Chain, chains=True)
-
-
 class Chain(Caller):
     """Calls one after the other for a state, ``chain(state)``.
 
@@ -106,4 +100,4 @@ class Chain(Caller):
             len(first), len(given), id(number), id(names["t"]), longest, first, parts
         )
         self._address = ctypes.addressof(self._chain)
-        _join_bridge()
+        join(Chain, chains=True)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 ATOM = 100
 """How tightly names, calls and elements bind."""
@@ -16,8 +16,7 @@ BINDING |= {"==": 55, "!=": 55, "&&": 40, "||": 30, "?": 20}
 NONE = frozenset[str]()
 
 
-@dataclass(frozen=True)
-class Code:
+class Code(NamedTuple):
     """An expression in C, or a line."""
 
     text: str

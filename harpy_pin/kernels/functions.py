@@ -11,10 +11,10 @@ from itertools import product
 from typing import Any
 
 from harpy_pin.errors import KernelError
-from harpy_pin.kernels.assignments import Learnt, Wider
+from harpy_pin.kernels.assignments import Wider
 from harpy_pin.kernels.body import line_of
 from harpy_pin.kernels.code import Code, c, joined, variable
-from harpy_pin.kernels.numbers import EXTREMES, LIBRARY, OF_TWO
+from harpy_pin.kernels.numbers import EXTREMES
 from harpy_pin.kernels.numpy_functions import FUNCTIONS, KEYWORDS
 from harpy_pin.kernels.overlaps import stems, ways_of_caller
 from harpy_pin.kernels.source import Source, kernel_of, source_of
@@ -32,6 +32,7 @@ from harpy_pin.kernels.values import (
     Refused,
     Value,
     View,
+    memory_at,
     refuse_if,
     refused,
 )
@@ -47,7 +48,7 @@ def translate(unit: Unit, kernel: Any, types: tuple[Type, ...]) -> CFunction:
         if function in unit.under_way:
             raise KernelError(f"{source.name} calls itself, which no kernel may")
         unit.under_way.append(function)
-        name, learnt, made = unit.function_name(function), Learnt(), None
+        name, learnt, made = unit.function_name(function), dict[object, Any](), None
         while made is None:
             try:
                 made = _Function(unit, source, name, types, learnt).run()
@@ -62,7 +63,12 @@ class _Function(Statements):
     """A kernel while it is translated."""
 
     def __init__(
-        self, unit: Unit, source: Source, name: str, types: tuple[Type, ...], learnt: Learnt
+        self,
+        unit: Unit,
+        source: Source,
+        name: str,
+        types: tuple[Type, ...],
+        learnt: dict[object, Any],
     ) -> None:
         super().__init__(unit, CFunction(name), source, learnt)
         for parameter, kind in zip(source.parameters, types, strict=True):
@@ -83,10 +89,8 @@ class _Function(Statements):
             self.taken |= {size.text for size in kind.sizes}
         self.function.parameters.append((name, kind))
         memory = frozenset((name,))
-        if isinstance(kind, Array):
-            return View(kind, variable(own), None, memory, memory)
-        if isinstance(kind, Struct):
-            return Record(kind, variable(own), True, memory, memory)
+        if isinstance(kind, Array | Struct):
+            return memory_at(variable(own), kind, memory, memory)
         if isinstance(kind, Fixed):
             if self.stores[name]:
                 raise KernelError(
@@ -103,9 +107,10 @@ class _Function(Statements):
     def run(self) -> CFunction:
         """Translate it."""
         function, source, tree = self.function, self.source, self.source.tree
-        if not self.body(tree.body) and self.learnt.result not in (None, NOTHING):
+        left = self.body(tree.body)
+        function.result = self.learnt.get(RESULT, NOTHING)
+        if not left and function.result != NOTHING:
             raise source.error(tree.body[-1], "the end may be reached, where there is no result")
-        function.result = self.learnt.result or NOTHING
         lines = self.finish()
         function.written &= {name for name, _ in function.parameters}
         parameters: list[str] = []
@@ -139,23 +144,16 @@ class _Function(Statements):
         function = named.target
         if kernel_of(function) is not None:
             return self._call_kernel(function, self._arguments(node, source_of(function.py_func)))
-        if not any(function is one for one in (*LIBRARY, *FUNCTIONS)):
+        if not any(function is one for one in FUNCTIONS):
             raise refused(node.func, " is no kernel and none of the functions that kernels have")
         if not {keyword.arg for keyword in node.keywords} <= KEYWORDS.get(function, set()):
             raise refused(node, ": arguments by name")
         options = {str(keyword.arg): self.number(keyword.value) for keyword in node.keywords}
         arguments = self._tuple(ast.Tuple(list(map(_as_tuples, node.args)))).items
-        if function in FUNCTIONS:
-            count, make = FUNCTIONS[function]
-            if len(arguments) == count:
-                return make(self, *arguments, **options)
-        else:
-            count = 2 if function in EXTREMES or function in OF_TWO else 1
-            if len(arguments) == count or (len(arguments) > count and function in EXTREMES):
-                return self.elementwise(
-                    lambda *numbers: self.function_of_numbers(function, numbers), *arguments
-                )
-        raise refused(node, f": another number of arguments than {count}")
+        count, make = FUNCTIONS[function]
+        if len(arguments) != count and not (len(arguments) > count and function in EXTREMES):
+            raise refused(node, f": another number of arguments than {count}")
+        return make(self, *arguments, **options)
 
     def _arguments(self, node: ast.Call, source: Source) -> dict[str, Value]:
         """Arguments of a call by the names that they have in the kernel, in its order."""
@@ -196,11 +194,12 @@ class _Function(Statements):
             elif not isinstance(kind, Fixed):
                 codes.append(value.code if isinstance(value, Number) else value.address)
         self._keep_apart(called, given)
+        call = Code(called.name, calls=frozenset((called.name,)))
         if isinstance(called.result, Array):
             made = self.space("result", called.result.shape)
-            self.emit("{};", _call_of(called, [*codes, made.base]))
+            self.emit("{}({});", call, joined([*codes, made.base]))
             return replace(made, made=True)
-        code = _call_of(called, codes)
+        code = c("{}({})", call, joined(codes))
         if isinstance(called.result, Tuple):
             own = self.fresh("result")
             self.emit("const {} {} = {};", self.unit.result_type(called.result), own, code)
@@ -224,12 +223,6 @@ class _Function(Statements):
                 f"a call of {called.name} that writes to '{pair[0]}' what it reads as '{pair[1]}'",
             )
             self.function.apart |= set(product(written, read))
-
-
-def _call_of(called: CFunction, codes: list[Code]) -> Code:
-    """The call in C."""
-    code = c("{}({})", called.name, joined(codes))
-    return Code(code.text, names=code.names, loads=code.loads, calls=code.calls | {called.name})
 
 
 def _passed(value: Value) -> Type:

@@ -195,7 +195,7 @@ class Kernel(Caller, Generic[Result_co]):
         named = dict(zip(self._names, types, strict=True))
         version = Version(entry, told, named, self._shapes, release=self._release)
         with _LOCK:
-            _join_bridge()
+            join(Kernel, chains=False)
             self._address = version.before(getattr(self, "_address", 0))
             self._kept += [lib, version]
 
@@ -249,12 +249,8 @@ def _plain(value: Any) -> Any:
         array = np.asarray(value)
         dtype = _DTYPES.setdefault(array.dtype, array.dtype)
         return array if dtype is array.dtype else array.view(dtype)
-    if isinstance(value, np.floating):
-        return float(value)
-    if isinstance(value, np.bool_):
-        return bool(value)
-    if isinstance(value, np.integer):
-        return int(value)
+    if isinstance(value, np.floating | np.integer | np.bool_):
+        return float(value) if isinstance(value, np.floating) else value.item()
     if isinstance(value, tuple):
         return tuple(map(_plain, value))
     return value
@@ -273,11 +269,6 @@ def _described(given: Mapping[str, Any]) -> str:
         )
 
     return ", ".join(f"{name}: {kind(value)}" for name, value in given.items())
-
-
-@cache
-def _join_bridge() -> None:
-    join(Kernel, chains=False)
 
 
 @cache

@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import builtins
 from collections.abc import Callable, Sequence
+from functools import partial, reduce
 from typing import Any
 
 import numpy as np
@@ -39,8 +40,8 @@ MATHEMATICS = {
 }
 """Functions of C's library under NumPy's names."""
 PREDICATES = {np.isfinite: "isfinite", np.isnan: "isnan"}
-OF_TWO = (np.arctan2, np.hypot, np.copysign)  # functions of two numbers
 EXTREMES = {builtins.min: "min", builtins.max: "max"}
+OF_TWO = (np.arctan2, np.hypot, np.copysign, *EXTREMES)  # functions of two numbers, or more
 LIBRARY = (*MATHEMATICS, *PREDICATES, *EXTREMES, abs, np.abs, int, np.int64, float, bool)
 """All functions of numbers."""
 LARGEST_POWER = 4
@@ -195,12 +196,8 @@ class Numbers(Body):
             return Number(BOOLEAN, code)
         if function in EXTREMES:
             kind = INTEGER if wider(*numbers) is BOOLEAN else wider(*numbers)
-            value = self.cast(first, kind)
-            for other in numbers[1:]:
-                value = self.helped(
-                    kind, f"{kind}_{EXTREMES[function]}", value, self.cast(other, kind)
-                )
-            return value
+            extreme = partial(self.helped, kind, f"{kind}_{EXTREMES[function]}")
+            return reduce(extreme, [self.cast(number, kind) for number in numbers])
         if function in (builtins.abs, np.abs):
             if first.type is REAL:
                 return self._called(self.unit.function("fabs"), first)

@@ -15,7 +15,7 @@ import numpy as np
 
 from harpy_pin.kernels.arrays import Arrays, as_number, elsewhere, number_type
 from harpy_pin.kernels.code import Code, c
-from harpy_pin.kernels.numbers import COMPARISONS
+from harpy_pin.kernels.numbers import COMPARISONS, LIBRARY, OF_TWO
 from harpy_pin.kernels.types import BOOLEAN, INTEGER, REAL, Array, Size, known
 from harpy_pin.kernels.values import (
     AnArray,
@@ -56,11 +56,10 @@ class NumpyFunctions(Arrays):
         )
         if not isinstance(a, Items) or not isinstance(b, Items):
             return self.elementwise(partial(self.comparison, operator), a, b)
-        same = self.constant(len(a.items) == len(b.items))
-        if same.constant:
-            pairs = zip(a.items, b.items, strict=True)
-            parts = [self.comparison(ast.Eq, as_number(x), as_number(y)) for x, y in pairs]
-            same = self.conditions("&&", parts)
+        pairs = zip(a.items, b.items, strict=False)
+        parts = [self.comparison(ast.Eq, as_number(x), as_number(y)) for x, y in pairs]
+        alike = len(a.items) == len(b.items)
+        same = self.conditions("&&", parts) if alike else self.constant(False)
         return same if operator is ast.Eq else self.opposite(same)
 
     def product(self, a: Value, b: Value) -> Number | Computed:
@@ -74,7 +73,7 @@ class NumpyFunctions(Arrays):
                 row, column = [*indices[:rows], k], [k, *indices[rows:]]
                 return self._times(self.element(left, row), self.element(right, column))
 
-            return self._through(inner, term, self._plus, "0")
+            return self._through(inner, term, self.plus, "0")
 
         if len(left.shape) + len(right.shape) == 2:
             return rule(())
@@ -90,7 +89,8 @@ class NumpyFunctions(Arrays):
     def _times(self, a: Number, b: Number) -> Number:
         return self.calculation(ast.Mult, self.real(a), self.real(b))
 
-    def _plus(self, a: Number, b: Number) -> Number:
+    def plus(self, a: Number, b: Number) -> Number:
+        """``a + b``."""
         return self.calculation(ast.Add, a, b)
 
     def _through(
@@ -121,7 +121,7 @@ class NumpyFunctions(Arrays):
         self.emit(loop, index, begins, index, size, index, total.code, joined)
         return total
 
-    def _joined(
+    def joined(
         self, array: Value, join: Join, none: Code | str, axis: Number | None = None
     ) -> Number | Computed:
         """All elements of a vector joined to one number, or those along one axis."""
@@ -142,40 +142,32 @@ class NumpyFunctions(Arrays):
         shape = (*array.shape[:n], *array.shape[n + 1 :])
         return Computed(kind, shape, rule, elsewhere(array))
 
-    def cross(self, a: Value, b: Value) -> Computed:
+    def cross(self, a: Value, b: Value) -> Number | Computed:
         """``np.cross`` of vectors; one of them, or both, may be rows of a matrix."""
         left, right = self._factor(a), self._factor(b)
         refuse_if(
             left.shape[-1] != 3 or right.shape[-1] != 3,
             "a cross product of other arrays than of three numbers, or of rows of three",
         )
-        same = len(left.shape) == len(right.shape)
-        shapes = left.shape, right.shape
-        shape = self.common_shape(*shapes) if same else max(shapes, key=len)
+        turned = [(self._turned(left, n), self._turned(right, 3 - n)) for n in (1, 2)]
+        first, second = (self.elementwise(self._times, *pair) for pair in turned)
+        return self.elementwise(partial(self.calculation, ast.Sub), first, second)
 
-        def rule(indices: Sequence[Number]) -> Number:
-            after, last = (self._turned(indices[-1], n) for n in (1, 2))
-            first = self._times(of(left, indices, after), of(right, indices, last))
-            second = self._times(of(left, indices, last), of(right, indices, after))
-            return self.calculation(ast.Sub, first, second)
+    def _turned(self, rows: View, n: int) -> Computed:
+        """Vectors of three numbers that begin with their number ``n``."""
 
-        def of(array: View, indices: Sequence[Number], n: Number) -> Number:
-            return self.element(array, [*indices[: len(array.shape) - 1], n])
+        def rule(at: Sequence[Number]) -> Number:
+            last = self.plus(at[-1], self.constant(n))
+            last = self.calculation(ast.Mod, last, self.constant(3))
+            return self.element(rows, [*at[:-1], last])
 
-        return Computed(REAL, shape, rule, elsewhere(left, right))
+        return Computed(number_type(rows), rows.shape, rule, elsewhere(rows))
 
-    def _turned(self, index: Number, n: int) -> Number:
-        """An index of three, n places on."""
-        return self.calculation(ast.Mod, self._plus(index, self.constant(n)), self.constant(3))
-
-    def outer(self, a: Value, b: Value) -> Computed:
+    def outer(self, a: Value, b: Value) -> Number | Computed:
         """``np.outer``."""
         left, right = self._factor(a, (1,)), self._factor(b, (1,))
-
-        def rule(indices: Sequence[Number]) -> Number:
-            return self._times(self.element(left, indices[:1]), self.element(right, indices[1:]))
-
-        return Computed(REAL, (*left.shape, *right.shape), rule, elsewhere(left, right))
+        kind = Array(left.element, (*left.shape, 1), (*left.type.strides, 0))
+        return self.elementwise(self._times, replace(left, type=kind), right)
 
     def transposed(self, a: AnArray) -> AnArray:
         """``a.T``: of what is in memory a view."""
@@ -255,7 +247,7 @@ class NumpyFunctions(Arrays):
     ) -> Number | Computed:
         """``np.max`` or ``np.min``."""
         none = "0" if initial is None else initial.code
-        found = self._joined(array, partial(self._extreme_of_numbers, name), none, axis)
+        found = self.joined(array, partial(self._extreme_of_numbers, name), none, axis)
         return found if initial is None else self.extreme(name, found, initial)
 
     def place_of(self, beside: str, vector: Value) -> Number:
@@ -279,10 +271,6 @@ class NumpyFunctions(Arrays):
         self.emit("(void){};", found)  # of an array without elements nothing is read there
         return Number(INTEGER, found)
 
-    def sum(self, array: Value, axis: Number | None = None) -> Number | Computed:
-        """``np.sum``."""
-        return self._joined(array, self._plus, "0", axis)
-
     def question(
         self, operator: type[ast.operator], array: Value, none: str, axis: Number | None = None
     ) -> Number | Computed:
@@ -292,7 +280,7 @@ class NumpyFunctions(Arrays):
         if not isinstance(array, AnArray) or number_type(array) is not BOOLEAN:
             raise Refused("np.any or np.all of what are no truth values")
         numbers = self.elementwise(lambda truth: self.cast(truth, INTEGER), array)
-        found = self._joined(numbers, partial(self.calculation, operator), none, axis)
+        found = self.joined(numbers, partial(self.calculation, operator), none, axis)
         return self.elementwise(lambda number: self.cast(number, BOOLEAN), found)
 
 
@@ -301,7 +289,15 @@ def diagonal(matrix: Any) -> Any:
     return np.einsum("ii->i", matrix)
 
 
+def _of_numbers(function: Any) -> Callable[..., Value]:
+    """A function of numbers for each element of arrays."""
+    return lambda body, *values: body.elementwise(
+        lambda *numbers: body.function_of_numbers(function, numbers), *values
+    )
+
+
 FUNCTIONS: dict[Any, tuple[int, Callable[..., Value]]] = {
+    **{one: (2 if one in OF_TWO else 1, _of_numbers(one)) for one in LIBRARY},
     np.array: (1, NumpyFunctions.array_of),
     np.zeros: (1, lambda body, shape: body.work_space(shape, body.constant(0.0))),
     np.empty: (1, NumpyFunctions.work_space),
@@ -312,19 +308,19 @@ FUNCTIONS: dict[Any, tuple[int, Callable[..., Value]]] = {
     np.dot: (2, NumpyFunctions.product),
     np.cross: (2, NumpyFunctions.cross),
     np.outer: (2, NumpyFunctions.outer),
-    np.where: (3, NumpyFunctions.where),
+    np.where: (3, lambda body, *given: body.elementwise(body.choice_of_numbers, *given)),
     np.maximum: (2, lambda body, a, b: body.extreme("maximum", a, b)),
     np.minimum: (2, lambda body, a, b: body.extreme("minimum", a, b)),
     np.clip: (3, NumpyFunctions.clip),
     np.any: (1, lambda body, a, **k: body.question(ast.BitOr, a, "0", **k)),
     np.all: (1, lambda body, a, **k: body.question(ast.BitAnd, a, "1", **k)),
-    np.sum: (1, NumpyFunctions.sum),
+    np.sum: (1, lambda body, a, **k: body.joined(a, body.plus, "0", **k)),
     np.argmax: (1, lambda body, a: body.place_of("<=", a)),
     np.argmin: (1, lambda body, a: body.place_of(">=", a)),
     np.max: (1, lambda body, a, **k: body.most("maximum", a, **k)),
     np.min: (1, lambda body, a, **k: body.most("minimum", a, **k)),
 }
-"""Functions for arrays: how many arguments they have, and what they become."""
+"""Functions of numbers and arrays: how many arguments they have, and what they become."""
 KEYWORDS: dict[Any, set[str]] = {
     **{function: {"axis"} for function in (np.sum, np.any, np.all)},
     **{function: {"axis", "initial"} for function in (np.max, np.min)},

@@ -8,12 +8,12 @@ import gc
 import hashlib
 import inspect
 import linecache
-import os
 from contextlib import suppress
 from functools import cache
 from pathlib import Path
 from types import CodeType, FunctionType
 from typing import Any
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -38,8 +38,6 @@ class Source:
         self._file = function.__code__.co_filename
         self.file = f"{function.__module__.replace('.', '/')}.py"
         self.tree = _definition(function)
-        if _state(self._file) != _LOADED.get(self._file) and not _is_still_there(function.__code__):
-            raise self.error(self.tree, "was edited after it was loaded: start again")
         signature = inspect.signature(function)
         self.parameters = list(signature.parameters)
         self.defaults = {
@@ -64,12 +62,10 @@ class Source:
 def _definition(function: FunctionType) -> ast.FunctionDef:
     """The definition of a function, in the tree of its file."""
     code = function.__code__
-    linecache.checkcache(code.co_filename)
-    text = "".join(linecache.getlines(code.co_filename, function.__globals__))
     with suppress(SyntaxError):
-        if code.co_firstlineno in (found := _definitions(text)):
+        if code.co_firstlineno in (found := _definitions("".join(_LINES[function]))):
             return found[code.co_firstlineno]
-    reason = "its source cannot be read, or was edited after it was loaded: start again"
+    reason = "its source cannot be read: a kernel stands in a file, or in a cell of a notebook"
     raise KernelError(f"{code.co_filename}:{code.co_firstlineno}: {function.__name__}: {reason}")
 
 
@@ -83,54 +79,28 @@ def _definitions(text: str) -> dict[int, ast.FunctionDef]:
     collects = gc.isenabled()
     gc.disable()
     try:
-        nodes = [node for node in ast.walk(ast.parse(text)) if isinstance(node, ast.FunctionDef)]
+        nodes: list[ast.AST] = [ast.parse(text)]
+        for node in nodes:
+            nodes += [part for part in ast.iter_child_nodes(node) if not isinstance(part, ast.expr)]
     finally:
         if collects:
             gc.enable()
+    found = [node for node in nodes if isinstance(node, ast.FunctionDef)]
     return {
-        min([node.lineno, *(one.lineno for one in node.decorator_list)]): node for node in nodes
+        min([node.lineno, *(one.lineno for one in node.decorator_list)]): node for node in found
     }
 
 
-_LOADED: dict[str, tuple[int, int]] = {}  # what files of kernels were when they were loaded
+_LINES: WeakKeyDictionary[FunctionType, list[str]] = WeakKeyDictionary()
 
 
 def remember(function: FunctionType) -> None:
-    """Note what the file of a kernel is when it is loaded: later it may be another one than what
+    """Keep the file of a kernel as it is when it is loaded: later it may be another one than what
     runs.
     """
     file = function.__code__.co_filename
-    if file not in _LOADED:
-        _LOADED[file] = _state(file)
-
-
-def _state(file: str) -> tuple[int, int]:
-    try:
-        status = os.stat(file)
-    except OSError:
-        return (0, 0)
-    return (status.st_mtime_ns, status.st_size)
-
-
-def _is_still_there(code: CodeType) -> bool:
-    """Whether the lines of a file that was edited still make the code that was loaded from it."""
-    try:
-        waiting = [
-            compile(
-                "".join(linecache.getlines(code.co_filename)),
-                code.co_filename,
-                "exec",
-                dont_inherit=True,
-            )
-        ]
-    except SyntaxError:
-        return False
-    while waiting:
-        one = waiting.pop()
-        if one.co_qualname == code.co_qualname and one.co_firstlineno == code.co_firstlineno:
-            return _described(one) == _described(code)
-        waiting += [part for part in one.co_consts if isinstance(part, CodeType)]
-    return False
+    linecache.checkcache(file)
+    _LINES[function] = linecache.getlines(file, function.__globals__)
 
 
 def _globals(function: FunctionType) -> dict[str, Any]:
@@ -157,27 +127,22 @@ def fingerprint(function: FunctionType, *, portable: bool = False) -> bytes:
     while waiting:
         one = waiting.pop()
         if one not in seen:
-            seen[one], called = _own_fingerprint(one)
+            seen[one], called = _own_fingerprint(one, portable)
             waiting.extend(called)
-            code = one.__code__
-            if portable:
-                seen[one] = seen[one].replace(_described(code).encode(), _digest(code.co_filename))
-            else:
-                seen[one] += repr(
-                    [line for _, _, line in code.co_lines()]
-                ).encode()  # debuggers show them
     return b"".join(sorted(seen.values()))
 
 
 @cache
-def _digest(file: str) -> bytes:
+def _digest(file: str) -> str:
     with suppress(OSError):  # a kernel that was typed in has no file
-        return hashlib.sha256(Path(file).read_bytes()).digest()
-    return b""
+        return hashlib.sha256(Path(file).read_bytes()).hexdigest()
+    return ""
 
 
 @cache
-def _own_fingerprint(function: FunctionType) -> tuple[bytes, tuple[FunctionType, ...]]:
+def _own_fingerprint(
+    function: FunctionType, portable: bool = False
+) -> tuple[bytes, tuple[FunctionType, ...]]:
     code, known = function.__code__, _globals(function)
     called: list[FunctionType] = []
     named: list[str] = []
@@ -189,7 +154,9 @@ def _own_fingerprint(function: FunctionType) -> tuple[bytes, tuple[FunctionType,
             named.append(f"{name}→{kernel.__module__}.{kernel.__qualname__}")
         elif isinstance(value, int | float | tuple | np.number):
             named.append(f"{name}={value!r}")
-    text = f"{function.__qualname__}{_described(code)}{function.__defaults__!r}{named!r}"
+    lines = [line for _, _, line in code.co_lines()]  # debuggers show them
+    own = _digest(code.co_filename) if portable else f"{_described(code)}{lines}"
+    text = f"{function.__qualname__}{own}{function.__defaults__!r}{named!r}"
     return text.encode(), tuple(called)
 
 

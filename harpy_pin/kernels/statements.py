@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import ast
+from operator import or_
 
 from harpy_pin.kernels.arrays import as_number
-from harpy_pin.kernels.assignments import Assignments, Wider, stored
+from harpy_pin.kernels.assignments import Assignments, stored
 from harpy_pin.kernels.body import line_of
 from harpy_pin.kernels.code import BINDING, Code, c, joined, variable
 from harpy_pin.kernels.types import INTEGER, NOTHING, REAL, Array, Scalar, Tuple, Type, known
@@ -67,25 +68,24 @@ class Statements(Assignments):
         caller gives.
         """
         value = self.expression(statement.value) if statement.value is not None else None
-        if value is None:
+        if isinstance(value, AnArray):
+            self._return_array(value)
+        elif value is None:
             self._returns(NOTHING)
             self.emit("return;")
-        elif isinstance(value, AnArray):
-            self._return_array(value)
-        elif isinstance(value, Items):
-            numbers = [as_number(item) for item in value.items]
-            kind = self._returns(Tuple(tuple(number.type for number in numbers)))
-            assert isinstance(kind, Tuple)
-            codes = []
-            for number, to in zip(numbers, kind.items, strict=True):
-                assert isinstance(to, Scalar)
-                codes.append(self.cast(number, to).code)
-            self.emit("return ({}){{{}}};", self.unit.result_type(kind), joined(codes))
         else:
-            number = as_number(value, "a kernel returns numbers or an array of numbers")
-            kind = self._returns(number.type)
-            assert isinstance(kind, Scalar)
-            self.emit("return {};", self.cast(number, kind).code)
+            several = isinstance(value, Items)
+            numbers = [
+                as_number(item, "a kernel returns numbers or an array of numbers")
+                for item in (value.items if isinstance(value, Items) else (value,))
+            ]
+            types = tuple(number.type for number in numbers)
+            kind = self._returns(Tuple(types) if several else types[0])
+            kinds = kind.items if isinstance(kind, Tuple) else (kind,)
+            pairs = zip(numbers, kinds, strict=True)
+            codes = [self.cast(n, to).code for n, to in pairs if isinstance(to, Scalar)]
+            text = c("({}){{{}}}", self.unit.result_type(kind), joined(codes))
+            self.emit("return {};", text if several else codes[0])
         return True
 
     def _return_array(self, value: AnArray) -> None:
@@ -102,11 +102,7 @@ class Statements(Assignments):
 
     def _returns(self, kind: Type) -> Type:
         """The type of the result, which may have to hold another one, too."""
-        before = self.learnt.result or kind
-        self.learnt.result = _unified(before, kind)
-        if self.learnt.result != before:
-            raise Wider
-        return before
+        return self.learn(RESULT, kind, _unified)
 
     def do_if(self, statement: ast.If) -> bool:
         """A branch; only one side is translated where the condition is known."""
@@ -142,9 +138,7 @@ class Statements(Assignments):
         changed = {
             name for name, value in before.items() if value is not None and after[name] is None
         }
-        if changed:
-            self.learnt.unsettled.setdefault(statement.lineno, set()).update(changed)
-            raise Wider
+        self.learn(statement, frozenset(changed), or_)
         for name in before:
             value = after[name]
             refuse_if(
@@ -157,7 +151,7 @@ class Statements(Assignments):
         """Before a loop: a name that stands for another kind of thing in the next round is known no
         more.
         """
-        for name in self.learnt.unsettled.get(statement.lineno, ()):
+        for name in self.learn(statement, frozenset[str](), or_):
             self.environment[name] = None
 
     def do_while(self, statement: ast.While) -> bool:
@@ -169,17 +163,13 @@ class Statements(Assignments):
         leaves = any(isinstance(node, ast.Break) for node in ast.walk(statement))
         return condition.constant is True and not leaves
 
-    def do_continue(self, _: ast.Continue) -> bool:
-        """To the next round."""
+    def do_break(self, statement: ast.Break | ast.Continue) -> bool:
+        """Out of a loop, or to its next round."""
         self.jumps[-1].append(dict(self.environment))
-        self.emit("continue;")
+        self.emit("{};", type(statement).__name__.lower())
         return True
 
-    def do_break(self, _: ast.Break) -> bool:
-        """Out of a loop."""
-        self.jumps[-1].append(dict(self.environment))
-        self.emit("break;")
-        return True
+    do_continue = do_break
 
     def do_for(self, statement: ast.For) -> None:
         """A loop over a range, or over a tuple of numbers of one type."""

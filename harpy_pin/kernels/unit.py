@@ -7,7 +7,7 @@ from __future__ import annotations
 import math
 import re
 import textwrap
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, field
 from itertools import accumulate, count
 from pathlib import Path
@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from harpy_pin.kernels.types import NOTHING, Array, Nothing, Struct, Tuple, Type
+from harpy_pin.kernels.types import NOTHING, Array, Nothing, Struct, Tuple, Type, known
 
 KEYWORDS = """auto break case char const continue default do double else enum extern float for
 goto if inline int long register restrict return short signed sizeof static struct switch typedef
@@ -42,7 +42,7 @@ HELPERS = {
     )
 }
 """Functions of C that generated code calls, by name."""
-PART = 32_000
+PART = 36_000
 """Characters of a part, which are about a second's work of GCC."""
 SHORT = 1_000
 """Most characters of a function that each part has for itself."""
@@ -54,10 +54,14 @@ def in_part(number: int | str) -> str:
     return f"#if !defined(PART) || PART == {number}"
 
 
+def numbered(stem: str) -> Iterator[str]:
+    """Names that begin so."""
+    return (f"{stem}_{n}" if n > 1 else stem for n in count(1))
+
+
 def unused(stem: str, taken: Collection[str]) -> str:
     """A name that begins so, and that is not taken."""
-    names = (f"{stem}_{n}" if n > 1 else stem for n in count(1))
-    return next(name for name in names if name not in taken)
+    return next(name for name in numbered(stem) if name not in taken)
 
 
 @dataclass
@@ -108,11 +112,8 @@ class Unit:
 
     def define(self, name: str, code: str) -> str:
         """A constant by name; of two constants of one name the later one has a number."""
-        own, n = name, 1
-        while self.constants.setdefault(own, code) != code or own in ("INFINITY", "NAN", "NULL"):
-            n += 1
-            own = f"{name}_{n}"
-        return own
+        names = (own for own in numbered(name) if own not in ("INFINITY", "NAN", "NULL"))
+        return next(own for own in names if self.constants.setdefault(own, code) == code)
 
     def helper(self, name: str) -> str:
         """One of :data:`HELPERS`, from now on a part of the file."""
@@ -148,29 +149,20 @@ class Unit:
             return self.results.setdefault(kind, f"results_{letters}")
         return str(kind)
 
+    def element(self, kind: Type) -> str:
+        """The type of a number or a record, or of the elements of an array."""
+        kind = kind.element if isinstance(kind, Array) else kind
+        return f"struct {self.struct(kind)}" if isinstance(kind, Struct) else str(kind)
+
     def declare(self, kind: Type, name: str) -> str:
-        """A declaration of a name."""
-        if isinstance(kind, Array):
-            element = (
-                f"struct {self.struct(kind.element)}"
-                if isinstance(kind.element, Struct)
-                else kind.element
-            )
-            return f"{element} *{name}"
-        if isinstance(kind, Struct):
-            return f"struct {self.struct(kind)} *{name}"
-        return f"{kind} {name}"
+        """A declaration of a name; that of an array or a record is a pointer."""
+        return f"{self.element(kind)} {'*' * isinstance(kind, Array | Struct)}{name}"
 
     def struct(self, record: Struct) -> str:
         """The name of a record's struct."""
         if record.dtype not in self.structs:
-            parts = (
-                kind.element if isinstance(kind, Array) else kind
-                for kind in record.fields().values()
-            )
-            for kind in parts:
-                if isinstance(kind, Struct):
-                    self.struct(kind)  # before this one
+            for kind in record.fields().values():
+                self.element(kind)  # a struct before this one
             stem = self.identifier(self.prefix + record.name)
             self.structs[record.dtype] = unused(stem, self.structs.values())
         return self.structs[record.dtype]
@@ -250,23 +242,11 @@ class Unit:
     def _struct_text(self, dtype: np.dtype[Any], name: str) -> str:
         lines = [f"struct {name} {{"]
         for entry, kind in Struct(dtype).fields().items():
-            own = self.identifier(entry)
-            if not isinstance(kind, Array):
-                element = f"struct {self.struct(kind)}" if isinstance(kind, Struct) else str(kind)
-                lines.append(f"    {element} {own};")
-                continue
-            if kind.empty:
-                continue
-            element = (
-                f"struct {self.struct(kind.element)}"
-                if isinstance(kind.element, Struct)
-                else str(kind.element)
-            )
-            shape = f"  /* {kind.shape} */" if len(kind.shape) > 1 else ""
-            lines.append(
-                f"    {element} "
-                f"{own}[{math.prod(n for n in kind.shape if isinstance(n, int))}];{shape}"
-            )
+            shape = known(kind.shape) if isinstance(kind, Array) else None
+            count = "" if shape is None else f"[{math.prod(shape)}]"
+            axes = f"  /* {shape} */" if shape is not None and len(shape) > 1 else ""
+            if count != "[0]":
+                lines.append(f"    {self.element(kind)} {self.identifier(entry)}{count};{axes}")
         return "\n".join([*lines, "};"])
 
     def function_name(self, function: Any) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import ast
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 from harpy_pin.kernels.code import ATOM, BINDING, NONE, UNARY, Code, c, joined
 from harpy_pin.kernels.types import Array, Scalar, Size, Struct
@@ -26,8 +26,7 @@ def refused(node: ast.AST, reason: str = "") -> Refused:
     return Refused(f"'{ast.unparse(node)}'{reason}")
 
 
-@dataclass(frozen=True)
-class Number:
+class Number(NamedTuple):
     """A number."""
 
     type: Scalar
@@ -118,6 +117,15 @@ class Record:
     def address(self) -> Code:
         """The address of it."""
         return self.code if self.pointer else c("&{}", self.code, binding=UNARY)
+
+
+def memory_at(
+    address: Code, kind: Array | Struct, roots: frozenset[str], ways: frozenset[str]
+) -> View | Record:
+    """The array or the record that is at an address."""
+    if isinstance(kind, Array):
+        return View(kind, address, None, roots, ways)
+    return Record(kind, address, True, roots, ways)
 
 
 @dataclass(frozen=True)

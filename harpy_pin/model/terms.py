@@ -327,8 +327,7 @@ def flat_foot_rows(
     """
     n, size = position.shape[0], 0.0
     middle = np.sum(position, axis=0) / n
-    rows[:6] = 0.0
-    value[:6] = 0.0
+    rows[:6] = value[:6] = 0.0
     for i in range(n):
         arm, part = position[i] - middle, jacobian[3 * i : 3 * i + 3]
         rest = desired[i] - drift[3 * i : 3 * i + 3]
@@ -373,18 +372,15 @@ def write_thrusts(d: DynamicsRecord, variables: Vector, out: Vector) -> None:
 
 @kernel(array=("n",))
 def all_finite(array: Vector) -> bool:
-    """Whether all entries of a vector are finite numbers; a count, which compilers turn into vector
-    instructions.
-    """
-    bad = 0
-    for i in range(array.shape[0]):
-        bad += not abs(array[i]) < np.inf
-    return bad == 0
+    """Whether all entries of a vector are finite numbers."""
+    return bool(np.all(abs(array) < np.inf))
 
 
 @kernel(array=("n",))
 def all_possible(array: Vector) -> bool:
-    """Whether all entries of a vector are numbers within ``MAX_SAMPLE``."""
+    """Whether all entries of a vector are numbers within ``MAX_SAMPLE``; a count, with which ticks
+    take less time than with ``np.all``.
+    """
     bad = 0
     for i in range(array.shape[0]):
         bad += not abs(array[i]) <= MAX_SAMPLE

@@ -74,9 +74,7 @@ def hold_at_ends(e: JointEndsRecord, q: Vector, v: Vector, bias: Vector) -> None
     """Take the torques of the joints' ends from the bias forces (nv,), N·m, at a state q (nq,), v
     (nv,).
     """
-    for k in range(e.place.shape[0]):
-        angle, j = q[e.place[k]], e.column[k]
-        if angle > e.upper[k]:
-            bias[j] += max(e.stiffness[k] * (angle - e.upper[k]) + e.damping[k] * v[j], 0.0)
-        elif angle < e.lower[k]:
-            bias[j] += min(e.stiffness[k] * (angle - e.lower[k]) + e.damping[k] * v[j], 0.0)
+    angle = q[e.place]
+    push = e.stiffness * (angle - np.clip(angle, e.lower, e.upper)) + e.damping * v[e.column]
+    inwards = np.where(angle < e.lower, np.minimum(push, 0.0), 0.0)
+    bias[e.column] += np.where(angle > e.upper, np.maximum(push, 0.0), inwards)

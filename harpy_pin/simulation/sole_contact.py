@@ -67,8 +67,7 @@ def sole_columns(d: EquationsRecord, s: StepRecord, v: Vector) -> None:
     """Modes of the soles, their columns of the Jacobian and their velocities before any force."""
     o, soles = s.soles, s.soles.motion.shape[0] // 6
     corners = o.mode.shape[0] // soles
-    o.mode[:] = 0.0
-    s.columns[:, : 6 * soles] = 0.0
+    o.mode[:] = s.columns[:, : 6 * soles] = 0.0
     for n in range(soles):
         first, x, c = n * corners, 3 * n * corners, 6 * n
         rigid_modes(d.foot_position[first : first + corners], o.mode[first : first + corners])
@@ -246,8 +245,7 @@ def sole_step(
         touching = touching or s.height[k] + s.dt * down < 0.0
         s.load[c : c + 6] += mode.T @ s.force[3 * k : 3 * k + 3]
     if not touching:
-        s.force[:] = 0.0
-        s.load[:] = 0.0
+        s.force[:] = s.load[:] = 0.0
         return 0
     _update_motion(s, free)
     _update_most(s, ground, 1.0)

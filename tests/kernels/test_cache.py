@@ -115,6 +115,22 @@ def test_every_edit_is_noticed(tmp_path):
     assert len(libraries(tmp_path)) == 3
 
 
+EDITED_MEANWHILE = """
+from pathlib import Path
+from edited import outer
+file = Path("edited.py")
+file.write_text("\\n\\n" + file.read_text().replace("2.0", "8.0"))
+print(outer(3.0))
+"""
+
+
+def test_an_edit_after_loading_changes_nothing(tmp_path):
+    """What runs is what was loaded, as of any function of Python."""
+    write(tmp_path)
+    assert run(EDITED_MEANWHILE, tmp_path)[0] == "6.5"
+    assert run(SCRIPT, tmp_path)[0] == "24.5"
+
+
 def test_a_folder_that_cannot_be_made(tmp_path):
     write(tmp_path)
     (tmp_path / "cache").write_text("in the way")

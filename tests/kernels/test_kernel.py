@@ -3,7 +3,11 @@ is touched.
 """
 
 import importlib
+import os
 import pkgutil
+import re
+import subprocess
+import sys
 from itertools import chain
 
 import numpy as np
@@ -264,6 +268,27 @@ def test_debuggers_see_lines_of_python():
     text = entry_code(three_times, argument_types(three_times, {"x": 2.0}))
     assert f'#line {line} "{__name__.replace(".", "/")}.py"\n    return 3.0 * x;' in text
     assert "#line" not in three_times.c_source(2.0)
+
+
+@pytest.mark.needs("gdb")
+def test_a_backtrace_shows_files_and_lines_of_python(tmp_path):
+    """gdb stops in a kernel, which a library of its own was compiled for."""
+    (tmp_path / "twice.py").write_text(
+        "from harpy_pin.kernels import kernel\n\n\n@kernel\ndef twice(x: float):\n"
+        "    y = x + x\n    return y\n"
+    )
+    (tmp_path / "use.py").write_text("from twice import twice\n\nprint(twice(1.0))\n")
+    asked = ("set breakpoint pending on", "break twice", "run", "backtrace 2")
+    words = [word for line in asked for word in ("-ex", line)]
+    path = os.pathsep.join([str(tmp_path), *sys.path])
+    done = subprocess.run(
+        ["gdb", "-batch", "-nx", *words, "--args", sys.executable, str(tmp_path / "use.py")],
+        capture_output=True,
+        text=True,
+        check=False,
+        env={**os.environ, "PYTHONPATH": path, "HARPY_PIN_CACHE": str(tmp_path)},
+    )
+    assert re.search(r"#0  twice \(.*\) at .*twice\.py:[67]$", done.stdout, re.MULTILINE), done
 
 
 @kernel

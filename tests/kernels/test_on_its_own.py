@@ -8,6 +8,9 @@ import sys
 from graphlib import TopologicalSorter
 from pathlib import Path
 
+import pytest
+from needs import needs_robots
+
 import harpy_pin.kernels
 
 FOLDER = Path(harpy_pin.kernels.__file__).parent
@@ -45,10 +48,13 @@ def test_no_circle_of_files():
     TopologicalSorter(graph).prepare()
 
 
-def test_a_robot_is_loaded_without_it():
-    script = """
+@pytest.mark.parametrize(
+    "load", ["load_harpy()", pytest.param("load_robot('go2')", marks=needs_robots)]
+)
+def test_a_robot_is_loaded_without_it(load):
+    script = f"""
 import sys, harpy_pin as hp
-hp.load_harpy()
+hp.{load}
 print([name for name in sys.modules if name.startswith("harpy_pin.kernels")])
 """
     done = subprocess.run(

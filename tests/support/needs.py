@@ -60,6 +60,7 @@ CHECKS: dict[str, Callable[[], object | None]] = {
     "arm-none-eabi-gcc": lambda: shutil.which("arm-none-eabi-gcc"),
     "qemu-system-arm": lambda: shutil.which("qemu-system-arm"),
     "sanitizers": sanitizer,
+    "gdb": lambda: shutil.which("gdb"),
     "compiler": compiler.compiler,
     "robots": installed_data,
     "mujoco": installed_version,
