@@ -144,6 +144,7 @@ class Estimator(KeepsViews):
         self.record = _record(
             robot, self.imu, self.settings, self.period, checks.vector("foot_radius", radius, feet)
         )
+        self._fresh = self._record_.copy()
         self.probability: Vector = field(self._record_["contact"], "probability")
         self._thrust: Vector = field(self._record_, "thrust")
         self._intended: Vector = field(self._record_, "intended")
@@ -178,24 +179,15 @@ class Estimator(KeepsViews):
             InputError: wrong shapes, or entries that are not finite or beyond 1e6.
         """
         r, model = self._record_, self.robot.model
-        r["level"] = q is None
-        q = pin.neutral(model) if q is None else configuration(model, q)
+        level, q = q is None, pin.neutral(model) if q is None else configuration(model, q)
         v = np.zeros(model.nv) if v is None else checks.vector("v", v, model.nv)
         if not (all_possible(q) and all_possible(v)):
             raise InputError(f"q and v must be at most {MAX_SAMPLE:g}", name="v", value=v)
         rotation, place = pin.Quaternion(q[3:7]).toRotationMatrix(), r["place"][0]
-        f, c = r["filter"], r["contact"]
+        r[...], f = self._fresh, r["filter"]
         f["rotation"], f["position"] = rotation, q[:3] + rotation @ place
         f["velocity"] = rotation @ (v[:3] + np.cross(v[3:6], place))
-        f["gyroscope_bias"] = f["accelerometer_bias"] = f["held"] = 0
-        for name in ("residual", "motion", "sums", "joint", "probability", "force"):
-            c[name] = 0.0
-        r["q"], r["v"] = q, v
-        r["begun"], r["status"], f["period"] = 0, NO_SAMPLE, self.period
-        r["same_in_a_row"] = r["late_in_a_row"] = r["pauses_in_a_row"] = r["missing"] = 0
-        r["turning"] = r["unread"] = r["settling"] = r["loose"] = r["lost"] = r["astray"] = 0
-        r["angular_acceleration"] = r["raw_acceleration"] = r["raw_angular_velocity"] = 0.0
-        r["t"] = np.nan
+        r["level"], r["q"], r["v"], r["status"] = level, q, v, NO_SAMPLE
 
     @property
     def status(self) -> str:

@@ -305,13 +305,16 @@ def estimate_after(
     torque: Vector,
     normal_force: Vector,
     thrust: Vector,
+    acceleration: Vector,
 ) -> int:
     """One step, the time since the last one (1,), s, instead of a clock, which single precision
     would round.
 
-    ``goal`` are the gait's targets of the last tick, ``thrust`` (thrusters, 3) is in world axes, N.
+    ``goal`` are the gait's targets of the last tick, ``thrust`` (thrusters, 3) is in world axes, N,
+    ``acceleration`` (nv,) the intended one, NaN where there is none.
     """
     read_thrusts(r.dynamics, thrust, r.thrust)
+    r.intended[:] = acceleration
     status = estimate(
         r,
         elapsed[0],
@@ -337,6 +340,7 @@ def _estimator(estimator: Estimator) -> Exportable:
     inputs: dict[str, tuple[int, ...]] = {"elapsed": (1,), "gyroscope": (3,), "accelerometer": (3,)}
     inputs |= dict.fromkeys(("joint_position", "joint_velocity", "joint_torque"), joints)
     inputs |= {"normal_force": (feet,), "thrust": (len(robot.thrusters), 3)}
+    inputs["acceleration"] = (robot.model.nv,)
     outputs = {name: record[name].shape[1:] for name in ESTIMATED}
     statuses = {text.upper().replace(" ", "_"): code for code, text in STATUS.items()}
     target = GaitTarget(feet)._record_
