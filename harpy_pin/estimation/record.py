@@ -35,6 +35,7 @@ class FilterRecord(RecordOf):
     rotation: Vector = sized(3, 3)  # body axes to world
     velocity: Vector = sized(3)  # of the inertial unit, m/s
     position: Vector = sized(3)  # of the inertial unit, m
+    rest: Vector = sized(3)  # that rounding took off it, m
     gyroscope_bias: Vector = sized(3)  # body axes, rad/s
     accelerometer_bias: Vector = sized(3)  # body axes, m/s²
     foothold: Vector = sized(
