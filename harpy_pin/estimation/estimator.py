@@ -14,7 +14,7 @@ from harpy_pin import checks
 from harpy_pin.arguments import checked
 from harpy_pin.errors import InputError
 from harpy_pin.estimation.imu import Imu
-from harpy_pin.estimation.plausibility import BAD_TARGET, NO_SAMPLE
+from harpy_pin.estimation.plausibility import BAD_TARGET, MISMATCH, NO_SAMPLE
 from harpy_pin.estimation.readings import Readings
 from harpy_pin.estimation.record import ContactRecord, EstimatorRecord, FilterRecord
 from harpy_pin.estimation.statuses import EXPLANATIONS, STATUS
@@ -208,6 +208,7 @@ class Estimator(KeepsViews):
             borne=r["borne"],
             deviation=deviation,
             twice=2.0 * deviation,
+            mismatch=MISMATCH,
         )
 
     @property
@@ -369,6 +370,7 @@ def _record(
         up=1.0,
         turning=0.0,
         unread=0.0,
+        contested=0.0,
         settling=0.0,
         loose=0.0,
         lost=0.0,

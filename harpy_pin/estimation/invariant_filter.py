@@ -36,7 +36,7 @@ from harpy_pin.model.cholesky import factorise, solve_transposed
 from harpy_pin.model.state import Vector
 from harpy_pin.model.vectors import exp, skew
 
-INNOVATION_TIME = 0.5
+INNOVATION_TIME = 0.1
 """Time constant of the low-pass of the innovations, s."""
 COMPENSATED = ByPrecision(0.0, single=1.0)
 """Whether steps add to the place what rounding has taken off those before."""

@@ -16,17 +16,8 @@ from harpy_pin.kernels import diagonal, kernel
 from harpy_pin.model.state import Vector
 from harpy_pin.model.vectors import exp
 
-GOOD, NO_SAMPLE, STUCK, SATURATED, INCONSISTENT, BACKWARDS, GAP = 0, 1, 2, 3, 4, 5, 6
-CLOCK, UNLOADED, WEIGHTLESS, UPSIDE_DOWN, TURNING, NO_FOOTHOLD, UNSURE, BAD_TARGET = (
-    7,
-    8,
-    9,
-    10,
-    11,
-    12,
-    13,
-    14,
-)
+GOOD, NO_SAMPLE, STUCK, SATURATED, INCONSISTENT, BACKWARDS, GAP, CLOCK = range(8)
+UNLOADED, WEIGHTLESS, UPSIDE_DOWN, TURNING, ENCODERS, NO_FOOTHOLD, UNSURE, BAD_TARGET = range(8, 16)
 """Status of a step, see :attr:`harpy_pin.estimation.estimator.Estimator.status`."""
 SAME = 50
 """Equal samples of the gyroscope in a row that no working one gives."""
@@ -72,6 +63,12 @@ within 5 cm/s.
 """
 SETTLES = 0.1
 """Time after new footholds for which feet may still be wrongly in contact, s."""
+MISMATCH, MISMATCH_TIME = 0.2, 0.5
+"""Difference between changes of a joint's angle and its velocity, rad, over this time, s, from
+which on the joints are not read.
+"""
+SWING = 0.05
+"""Time without readings of the joints in which a foot may have come to stand elsewhere, s."""
 SMALL = 1e-9
 """Acceleration across the vertical that tells no axis, m/s²."""
 
@@ -100,6 +97,21 @@ def weigh(e: EstimatorRecord) -> None:
 
 
 @kernel
+def encoders_agree(e: EstimatorRecord, angle: Vector, velocity: Vector) -> bool:
+    """Whether the changes of the joints' angles are those by their velocities, in the mean."""
+    elapsed, change = e.unread + e.filter.period, angle - e.read[0]
+    change = np.where(e.unbounded != 0, np.arctan2(np.sin(change), np.cos(change)), change)
+    change -= 0.5 * elapsed * (velocity + e.read[1])
+    e.read[0], e.read[1] = angle, velocity
+    if e.begun == 0 or elapsed > SWING:
+        e.mismatch[:] = 0.0
+        return True
+    e.mismatch *= 1.0 - elapsed / MISMATCH_TIME
+    e.mismatch[:] = np.clip(e.mismatch + change, -1.0, 1.0)
+    return np.all(abs(e.mismatch) < MISMATCH)
+
+
+@kernel
 def compare(e: EstimatorRecord) -> None:
     """What these means are of gravity and of the weight, and whether they are upright."""
     felt, g = e.felt[:3], e.filter.gravity
@@ -118,7 +130,7 @@ def believe_feet(e: EstimatorRecord) -> None:
     biases and tilt were wrong.
     """
     c, own = e.contact, np.empty((e.local_foot.shape[0], 6))
-    wrong = WEIGHTLESS <= e.status <= TURNING
+    wrong = WEIGHTLESS <= e.status <= ENCODERS
     e.astray = 1 if wrong else e.astray
     if LIGHT < e.gravity < HEAVY and e.borne > BORNE and e.up < UPRIGHT:
         level(e)
@@ -174,6 +186,8 @@ def judge(e: EstimatorRecord, good: bool, periods: float) -> int:
         return SATURATED
     if e.pauses_in_a_row >= PAUSES:
         return CLOCK
+    if np.any(abs(e.mismatch) >= MISMATCH):
+        return ENCODERS
     if not LIGHT < e.gravity < HEAVY:
         return WEIGHTLESS
     if min(e.borne, e.up) < -UPRIGHT:
@@ -184,7 +198,7 @@ def judge(e: EstimatorRecord, good: bool, periods: float) -> int:
     if e.turning > TURNS * TURNS:
         return TURNING
     consistent = (
-        f.innovation <= INCONSISTENCY * EXPECTED
+        e.contested == 0.0
         and e.lost == 0.0
         and e.astray == 0
         and e.up > UPRIGHT
