@@ -23,8 +23,10 @@ SAME = 50
 """Equal samples of the gyroscope in a row that no working one gives."""
 EXPECTED = 3.0
 """Mean of the squared Mahalanobis distance of three measurements."""
-INCONSISTENCY = 3.0
-"""Factor on it that says that the readings do not belong together."""
+INCONSISTENCY = 5.0
+"""Factor on it that says that the readings do not belong together. Where soft ground lets feet
+creep it is up to 4.6.
+"""
 BIASED, SHAKEN = 8.0, 12.0
 """Estimated biases of gyroscope and accelerometer that say the same, in standard deviations of the
 sensor. Contacts that shake the robot and creep look like up to ten of an accelerometer.
@@ -64,8 +66,8 @@ within 5 cm/s.
 SETTLES = 0.1
 """Time after new footholds for which feet may still be wrongly in contact, s."""
 MISMATCH, MISMATCH_TIME = 0.2, 0.5
-"""Difference between changes of a joint's angle and its velocity, rad, over this time, s, from
-which on the joints are not read.
+"""Difference between the changes of a joint's angle and those by its velocity, rad, over this time,
+s, from which on joints are not read, for as long again.
 """
 SWING = 0.05
 """Time without readings of the joints in which a foot may have come to stand elsewhere, s."""
@@ -103,12 +105,12 @@ def encoders_agree(e: EstimatorRecord, angle: Vector, velocity: Vector) -> bool:
     change = np.where(e.unbounded != 0, np.arctan2(np.sin(change), np.cos(change)), change)
     change -= 0.5 * elapsed * (velocity + e.read[1])
     e.read[0], e.read[1] = angle, velocity
-    if e.begun == 0 or elapsed > SWING:
-        e.mismatch[:] = 0.0
-        return True
-    e.mismatch *= 1.0 - elapsed / MISMATCH_TIME
-    e.mismatch[:] = np.clip(e.mismatch + change, -1.0, 1.0)
-    return np.all(abs(e.mismatch) < MISMATCH)
+    known = 1.0 if e.begun != 0 and elapsed < SWING else 0.0
+    change += (1.0 - elapsed / MISMATCH_TIME) * e.mismatch
+    e.mismatch[:] = known * np.clip(change, -2.0 * MISMATCH, 2.0 * MISMATCH)
+    beyond = np.any(abs(e.mismatch) > MISMATCH)
+    e.unlike = MISMATCH_TIME if beyond else max(e.unlike - e.filter.period, 0.0)
+    return e.unlike == 0.0
 
 
 @kernel
@@ -145,7 +147,8 @@ def believe_feet(e: EstimatorRecord) -> None:
     square = np.sum(off[:, :3] ** 2, axis=1) - 4.0 * np.sum(off[:, 3:] ** 2, axis=1)
     spread = on @ square / loaded
     if loaded > 1.0:
-        e.turning += min(e.period / AVERAGE, 1.0) * (min(max(spread, -1.0), 1.0) - e.turning)
+        e.turning += min(e.period / AVERAGE, 1.0) * (max(spread, -1.0) - e.turning)
+        e.turning = min(e.turning, 4.0 * TURNS * TURNS)  # forgotten within two seconds
     e.lost = e.lost + e.filter.period if lost else 0.0
     if e.lost >= LOST:
         if not wrong:
@@ -153,6 +156,7 @@ def believe_feet(e: EstimatorRecord) -> None:
             e.astray = 0
         _begin_anew(e, mean[:3])
         e.lost, e.settling = 0.0, SETTLES
+        e.contested, e.filter.innovation = 0.0, EXPECTED
 
 
 @kernel
@@ -186,7 +190,7 @@ def judge(e: EstimatorRecord, good: bool, periods: float) -> int:
         return SATURATED
     if e.pauses_in_a_row >= PAUSES:
         return CLOCK
-    if np.any(abs(e.mismatch) >= MISMATCH):
+    if e.unlike > 0.0:
         return ENCODERS
     if not LIGHT < e.gravity < HEAVY:
         return WEIGHTLESS

@@ -135,6 +135,7 @@ class EstimatorRecord(RecordOf):
     read: Vector = sized(2, "joints")  # angles and velocities as they were then, rad and rad/s
     # changes of the angles less those by the velocities, over some tenths of a second, rad
     mismatch: Vector = sized("joints")
+    unlike: float  # time for which joints are not read for that, s
     contested: float  # time for which innovations count as beyond their covariance, s
     settling: float  # time for which the velocity is not called known yet, s
     loose: float  # time since a foothold was measured, s
