@@ -128,7 +128,7 @@ def estimate(
         set_joint_angles(e.q, e.angle_place, e.unbounded, joint_position)
         e.v[6:] = joint_velocity
     elif intended:
-        move_joints(e, stance)
+        move_joints(e, stance, phase, ground_height)
     if e.begun == 0:
         _begin(e)
     else:
