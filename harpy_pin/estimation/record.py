@@ -83,6 +83,7 @@ class ContactRecord(RecordOf):
     )  # armature, damping, dry friction that the model lacks: kg m², N·m·s/rad, N·m
     force: Vector = sized("feet", 3)  # of the ground on each foot, world, N
     probability: Vector = sized("feet")  # of contact
+    since: Vector = sized("feet")  # for how long each foot has been in contact, s
     share: Vector = sized("feet")  # of the force that is believed
     loaded: NDArray[np.int64] = sized(
         "feet", whole=True

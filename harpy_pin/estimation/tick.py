@@ -58,6 +58,8 @@ error beyond.
 """
 AS_INTENDED = 0.01
 """Share of the variance of that error where the motion is the intended one."""
+LANDING = 0.02
+"""Time after its touchdown in which a foot may still slide, s."""
 MAX_ACCELERATION = 1e4
 """Of joints and body by differences, rad/s² and m/s²."""
 
@@ -315,8 +317,10 @@ def _use_feet(e: EstimatorRecord) -> None:
     for k in range(f.held.shape[0]):
         if f.held[k] != 0 and (c.probability[k] < LIKELY or e.unread > SWING):
             leave(f, k)
+        c.since[k] = c.since[k] + f.period if c.probability[k] >= LIKELY else 0.0
         if c.probability[k] >= LIKELY:
             e.loose = 0.0
+        if c.since[k] >= LANDING:
             _kinematic_noise(e, k, noise)
             place = e.local_foot[k]
             if f.held[k] != 0:
