@@ -31,6 +31,8 @@ from harpy_pin.model.terms import read_thrusts
 GRAVITY = 9.81
 POINT_RATE, SOLE_RATE = 300.0, 150.0
 """Of the momentum observer, 1/s."""
+ESTIMATED = ("q", "v", "foot_position", "foot_velocity", "foot_force")
+"""What of the record makes a :class:`~harpy_pin.model.state.State`."""
 NEAR = 0.3
 """Distance below which a foot is where the ground is, as a share of the noise of the ground's
 height.
@@ -159,8 +161,6 @@ class Estimator(KeepsViews):
             "contact_probability": self.probability,
             "estimator_status": field(self._record_, "status"),
         }
-        names = ("q", "v", "foot_position", "foot_velocity", "foot_force")
-        self._arrays = tuple(field(self._record_, name) for name in names)
         self.reset()
 
     def __repr__(self) -> str:
@@ -188,6 +188,7 @@ class Estimator(KeepsViews):
         f["rotation"], f["position"] = rotation, q[:3] + rotation @ place
         f["velocity"] = rotation @ (v[:3] + np.cross(v[3:6], place))
         r["level"], r["q"], r["v"], r["status"] = level, q, v, NO_SAMPLE
+        self._arrays = tuple(field(r, name) for name in ESTIMATED)  # whoever has one can reshape it
 
     @property
     def status(self) -> str:

@@ -27,6 +27,8 @@ INCONSISTENCY = 5.0
 """Factor on it that says that the readings do not belong together. Where soft ground lets feet
 creep it is up to 4.6.
 """
+CONTESTED = 2.0
+"""Time for which that is said, s: what was learned in it takes as long to be put right."""
 BIASED, SHAKEN = 8.0, 12.0
 """Estimated biases of gyroscope and accelerometer that say the same, in standard deviations of the
 sensor. Contacts that shake the robot and creep look like up to ten of an accelerometer.

@@ -84,8 +84,8 @@ class ContactRecord(RecordOf):
     force: Vector = sized("feet", 3)  # of the ground on each foot, world, N
     probability: Vector = sized("feet")  # of contact
     since: Vector = sized("feet")  # for how long each foot has been in contact, s
-    slides: Vector = sized(2)  # sums of the products of tangential forces and slides of feet
-    creep: float  # speed at which loaded feet slide, m/s, per share of the weight that pulls at them
+    slides: Vector = sized(2)  # sums of products of forces along the ground and slides of feet
+    creep: float  # of loaded feet, m/s, for a force along the ground of the robot's weight
     share: Vector = sized("feet")  # of the force that is believed
     loaded: NDArray[np.int64] = sized(
         "feet", whole=True
@@ -154,6 +154,6 @@ class EstimatorRecord(RecordOf):
     foot_position: Vector = sized("feet", 3)
     foot_velocity: Vector = sized("feet", 3)
     foot_force: Vector = sized("feet", 3)
-    rolling: Vector = sized("feet", 3)  # velocities of the centres of feet in stance, m/s
+    rolling: Vector = sized("feet", 3)  # velocities that the centres of feet in stance have, m/s
     local_foot: Vector = sized("feet", 3)  # less the inertial unit, body axes, m
     local_speed: Vector = sized("feet", 3)  # against the body, body axes, m/s

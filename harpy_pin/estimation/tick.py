@@ -21,10 +21,12 @@ from harpy_pin.estimation.invariant_filter import (
     touch_down,
 )
 from harpy_pin.estimation.plausibility import (
-    AVERAGE,
+    CONTESTED,
     BACKWARDS,
     BAD_TARGET,
     EXPECTED,
+    GAP,
+    GOOD,
     INCONSISTENCY,
     LIGHT,
     NO_SAMPLE,
@@ -60,8 +62,10 @@ AS_INTENDED = 0.01
 """Share of the variance of that error where the motion is the intended one."""
 LANDING, SLIDES = 0.04, 0.04
 """Time after its touchdown in which a foot is not held that still slides faster, s and m/s."""
-FORGOTTEN, CREEP_RIDGE = 30.0, 1e-4
-"""Time constant of the fit of creep, s, and the sum of squares that draws it half-way to zero, s."""
+CREEP_TIME, CREEP_RIDGE, MOST_CREEP = 30.0, 1e-4, 5.0
+"""Time constant of the fit of the creep, s, the sum of squares that draws it half-way to zero, s,
+and the largest, m/s.
+"""
 MAX_ACCELERATION = 1e4
 """Of joints and body by differences, rad/s² and m/s²."""
 
@@ -210,7 +214,7 @@ def _doubt(e: EstimatorRecord, gap: float) -> None:
     """
     p, t, jump = e.filter.covariance, e.period, e.raw_acceleration - e.before[3:]
     beyond = e.filter.innovation > INCONSISTENCY * EXPECTED
-    e.contested = AVERAGE if beyond else max(e.contested - e.filter.period, 0.0)
+    e.contested = CONTESTED if beyond else max(e.contested - e.filter.period, 0.0)
     variance = e.missing + (1.0 if beyond else 0.0) + (INTERPOLATED * gap) ** 2
     p[:3, :3] += variance * (DOUBT[0] * t) ** 2 * np.eye(3)
     p[3:6, 3:6] += (variance * (DOUBT[1] * t) ** 2 + jump @ jump * (gap * t) ** 2) * np.eye(3)
@@ -338,10 +342,12 @@ def _use_feet(e: EstimatorRecord) -> None:
 
 @kernel
 def _learn_creep(e: EstimatorRecord) -> None:
-    """Fit how fast feet slide by their tangential forces, where two or more bear: their velocities
-    differ so.
+    """Fit how fast loaded feet creep by the forces along the ground, where two or more stand.
+
+    Between them velocities differ, whatever the body's is. What was fitted is forgotten where
+    readings are not good.
     """
-    c, s = e.contact, e.contact.slides
+    c, s, t = e.contact, e.contact.slides, e.filter.period
     on = np.where(c.since > LANDING, 1.0, 0.0)
     count = np.sum(on)
     if count > 1.0:
@@ -349,11 +355,11 @@ def _learn_creep(e: EstimatorRecord) -> None:
         slide = e.dynamics.foot_velocity[:, :2] - e.rolling[:, :2]
         slide -= on @ slide / count
         pull = (c.force[:, :2] - on @ c.force[:, :2] / count) / e.weight
-        t = e.filter.period
-        s *= 1.0 - min(t / FORGOTTEN, 1.0)
+        s *= 1.0 - min(t / CREEP_TIME, 1.0)
         s[0] += t * (on @ np.sum(pull * pull, axis=1))
         s[1] -= t * (on @ np.sum(pull * slide, axis=1))
-        c.creep = min(max(s[1] / (s[0] + CREEP_RIDGE), 0.0), 5.0)
+    s *= 1.0 if e.status == GOOD or e.status == GAP else 0.0
+    c.creep = min(max(s[1] / (s[0] + CREEP_RIDGE), 0.0), MOST_CREEP)
 
 
 @kernel

@@ -28,7 +28,7 @@ from harpy_pin.controllers.tick import BAD_SAMPLE, FALLBACK, VIOLATED
 from harpy_pin.controllers.whole_body import WholeBodyController
 from harpy_pin.controllers.whole_body_tick import QP_TICKS, ProgramTickRecord
 from harpy_pin.errors import InputError
-from harpy_pin.estimation.estimator import Estimator
+from harpy_pin.estimation.estimator import ESTIMATED, Estimator
 from harpy_pin.estimation.record import EstimatorRecord
 from harpy_pin.estimation.statuses import STATUS
 from harpy_pin.estimation.tick import estimate
@@ -52,7 +52,6 @@ MEASURED: tuple[str, ...] = ("q", "v", "foot_position", "foot_force")
 """What a controller may take of a state."""
 LAW = ("joint_position", "joint_velocity", "joint_stiffness", "joint_damping")
 """Rows of the motors' law, see :class:`harpy_pin.model.state.Command`."""
-ESTIMATED = ("q", "v", "foot_position", "foot_velocity", "foot_force")  # what an estimator gives
 
 
 PROGRAM_STATUSES = {"OPTIMAL": 0, "FALLBACK": FALLBACK}
