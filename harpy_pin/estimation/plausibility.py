@@ -203,12 +203,7 @@ def judge(e: EstimatorRecord, good: bool, periods: float) -> int:
         return UNLOADED
     if e.turning > TURNS * TURNS:
         return TURNING
-    consistent = (
-        e.contested == 0.0
-        and e.lost == 0.0
-        and e.astray == 0
-        and e.up > UPRIGHT
-    )
+    consistent = e.contested == 0.0 and e.lost == 0.0 and e.astray == 0 and e.up > UPRIGHT
     unsure = e.loose > FLIGHT or e.settling > 0.0
     variance = diagonal(f.covariance)[3:6]
     steady = np.all(abs(f.gyroscope_bias) <= BIASED * f.start[9:12])

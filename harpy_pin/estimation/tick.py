@@ -21,9 +21,9 @@ from harpy_pin.estimation.invariant_filter import (
     touch_down,
 )
 from harpy_pin.estimation.plausibility import (
-    CONTESTED,
     BACKWARDS,
     BAD_TARGET,
+    CONTESTED,
     EXPECTED,
     GAP,
     GOOD,
