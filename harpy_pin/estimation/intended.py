@@ -38,8 +38,8 @@ def feel_intended(e: EstimatorRecord) -> None:
 
 @kernel
 def move_joints(e: EstimatorRecord, stance: Vector, phase: Vector, ground_height: Vector) -> None:
-    """Joints as intended, and the weight on the feet that the gait (arrays as of
-    :func:`~harpy_pin.estimation.contact.contact_probability`) has in stance, or that have come down.
+    """Joints as intended, and the weight on the feet that the gait has in stance, or that have come
+    down; its arrays (feet,) are those of a step.
     """
     t, c = e.filter.period, e.contact
     angle = joint_angles(e.q, e.angle_place, e.unbounded)
