@@ -351,7 +351,6 @@ def _record(
             weight=robot.mass * GRAVITY / np.repeat(robot.corners, robot.corners),
             of_sole=np.repeat(robot.corners, robot.corners) > 1,
             near=NEAR * s.height_noise if np.isfinite(s.height_noise) else 0.0,
-            creep=0.0,
             leg_joints=joints_of,
             leg_feet=feet,
         ),

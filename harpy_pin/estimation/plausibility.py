@@ -65,7 +65,7 @@ KNOWN = 0.025
 """Standard deviation of the velocity up to which an estimate is good, m/s: with probability 0.95
 within 5 cm/s.
 """
-SETTLES = 0.3
+SETTLES = 0.2
 """Time after new footholds for which feet may still be wrongly in contact, s."""
 MISMATCH, MISMATCH_TIME = 0.2, 0.5
 """Difference between the changes of a joint's angle and those by its velocity, rad, over this time,

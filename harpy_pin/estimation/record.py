@@ -83,9 +83,6 @@ class ContactRecord(RecordOf):
     )  # armature, damping, dry friction that the model lacks: kg m², N·m·s/rad, N·m
     force: Vector = sized("feet", 3)  # of the ground on each foot, world, N
     probability: Vector = sized("feet")  # of contact
-    since: Vector = sized("feet")  # for how long each foot has been in contact, s
-    slides: Vector = sized(2)  # sums of products of forces along the ground and slides of feet
-    creep: float  # of loaded feet, m/s, for a force along the ground of the robot's weight
     share: Vector = sized("feet")  # of the force that is believed
     loaded: NDArray[np.int64] = sized(
         "feet", whole=True
@@ -154,6 +151,5 @@ class EstimatorRecord(RecordOf):
     foot_position: Vector = sized("feet", 3)
     foot_velocity: Vector = sized("feet", 3)
     foot_force: Vector = sized("feet", 3)
-    rolling: Vector = sized("feet", 3)  # velocities that the centres of feet in stance have, m/s
     local_foot: Vector = sized("feet", 3)  # less the inertial unit, body axes, m
     local_speed: Vector = sized("feet", 3)  # against the body, body axes, m/s

@@ -25,8 +25,6 @@ from harpy_pin.estimation.plausibility import (
     BAD_TARGET,
     CONTESTED,
     EXPECTED,
-    GAP,
-    GOOD,
     INCONSISTENCY,
     LIGHT,
     NO_SAMPLE,
@@ -60,12 +58,6 @@ error beyond.
 """
 AS_INTENDED = 0.01
 """Share of the variance of that error where the motion is the intended one."""
-LANDING, SLIDES = 0.04, 0.04
-"""Time after its touchdown in which a foot is not held that still slides faster, s and m/s."""
-CREEP_TIME, CREEP_RIDGE, MOST_CREEP = 30.0, 1e-4, 5.0
-"""Time constant of the fit of the creep, s, the sum of squares that draws it half-way to zero, s,
-and the largest, m/s.
-"""
 MAX_ACCELERATION = 1e4
 """Of joints and body by differences, rad/s² and m/s²."""
 
@@ -238,23 +230,23 @@ def _predict(e: EstimatorRecord, share: float) -> None:
     """Go on by a period, with the sample at that share of the way from the last one to the new
     one.
     """
-    f, back = e.filter, 1.0 - share
+    f, back, rolling = e.filter, 1.0 - share, np.zeros((e.foot_velocity.shape[0], 3))
     w = e.raw_angular_velocity + back * (e.before[:3] - e.raw_angular_velocity)
     a = e.raw_acceleration + back * (e.before[3:] - e.raw_acceleration)
     e.angular_velocity[:] = w - f.gyroscope_bias
-    _roll(e)
-    e.rolling[:, :2] -= e.contact.creep / e.weight * e.contact.force[:, :2]
-    predict(f, e.angular_velocity, a - f.accelerometer_bias, e.rolling)
+    for k in range(e.foot_radius.shape[0]):
+        if e.foot_radius[k] > 0.0 and f.held[k] != 0:
+            _roll(e, k, rolling[k])
+    predict(f, e.angular_velocity, a - f.accelerometer_bias, rolling)
 
 
 @kernel
-def _roll(e: EstimatorRecord) -> None:
-    """Velocities of the centres of feet: ω × (0, 0, radius) where they are round and roll on the
-    level, world axes.
+def _roll(e: EstimatorRecord, k: int, out: Vector) -> None:
+    """Velocity of the centre of a round foot that rolls on the level: ω × (0, 0, radius), world
+    axes.
     """
-    for k in range(e.foot_radius.shape[0]):
-        w = e.filter.rotation @ e.dynamics.tree.twist[e.dynamics.body[k], 3:]
-        e.rolling[k, 0], e.rolling[k, 1] = e.foot_radius[k] * w[1], -e.foot_radius[k] * w[0]
+    w = e.filter.rotation @ e.dynamics.tree.twist[e.dynamics.body[k], 3:]
+    out[0], out[1] = e.foot_radius[k] * w[1], -e.foot_radius[k] * w[0]
 
 
 @kernel
@@ -319,17 +311,12 @@ def _use_feet(e: EstimatorRecord) -> None:
     f, c, noise = e.filter, e.contact, np.empty((3, 3))
     _local_feet(e)
     believe_feet(e)
-    _learn_creep(e)
     e.loose += f.period
     for k in range(f.held.shape[0]):
         if f.held[k] != 0 and (c.probability[k] < LIKELY or e.unread > SWING):
             leave(f, k)
-        c.since[k] = c.since[k] + f.period if c.probability[k] >= LIKELY else 0.0
         if c.probability[k] >= LIKELY:
             e.loose = 0.0
-        speed = e.dynamics.foot_velocity[k, :2] - e.rolling[k, :2]
-        stands = c.since[k] >= LANDING or speed @ speed < SLIDES * SLIDES
-        if c.probability[k] >= LIKELY and (f.held[k] != 0 or stands):
             _kinematic_noise(e, k, noise)
             place = e.local_foot[k]
             if f.held[k] != 0:
@@ -338,28 +325,6 @@ def _use_feet(e: EstimatorRecord) -> None:
                     touch_down(f, k, place, noise)
             else:
                 touch_down(f, k, place, noise)
-
-
-@kernel
-def _learn_creep(e: EstimatorRecord) -> None:
-    """Fit how fast loaded feet creep by the forces along the ground, where two or more stand.
-
-    Between them velocities differ, whatever the body's is. What was fitted is forgotten where
-    readings are not good.
-    """
-    c, s, t = e.contact, e.contact.slides, e.filter.period
-    on = np.where(c.since > LANDING, 1.0, 0.0)
-    count = np.sum(on)
-    if count > 1.0:
-        _roll(e)
-        slide = e.dynamics.foot_velocity[:, :2] - e.rolling[:, :2]
-        slide -= on @ slide / count
-        pull = (c.force[:, :2] - on @ c.force[:, :2] / count) / e.weight
-        s *= 1.0 - min(t / CREEP_TIME, 1.0)
-        s[0] += t * (on @ np.sum(pull * pull, axis=1))
-        s[1] -= t * (on @ np.sum(pull * slide, axis=1))
-    s *= 1.0 if e.status == GOOD or e.status == GAP else 0.0
-    c.creep = min(max(s[1] / (s[0] + CREEP_RIDGE), 0.0), MOST_CREEP)
 
 
 @kernel
