@@ -379,34 +379,29 @@ def test_a_loop_that_stalls(walks, name, hard, gap):
     assert (said[-400:] == "good").all()
 
 
-def encoders_in_degrees(readings, n):
-    readings.joint_position *= 180.0 / np.pi
+def scaled(factor, *names):
+    """Of angles in degrees, or of another sign."""
 
+    def spoil(readings, n):
+        for name in names:
+            setattr(readings, name, factor * getattr(readings, name))
 
-def all_in_degrees(readings, n):
-    encoders_in_degrees(readings, n)
-    readings.joint_velocity *= 180.0 / np.pi
+    return spoil
 
 
 def stuck_encoders(readings, n):
     readings.joint_position[:] = POSTURE[0]
 
 
-def opposite_velocity(readings, n):
-    readings.joint_velocity *= -1.0
-
-
-DISAGREE = "angles contradict velocities"
-IN_A_WALK = {name: IMPLAUSIBLE[name][:2] for name in IMPLAUSIBLE if name != "ks"} | {
-    "encoders": (encoders_in_degrees, DISAGREE),
-    "all angles": (all_in_degrees, None),
-    "stuck": (stuck_encoders, DISAGREE),
-    "velocity": (opposite_velocity, DISAGREE),
-    "opposite torque": (opposite_torque, None),
-    "degrees": (in_degrees, None),
+DISAGREE, DEGREES = "angles contradict velocities", 180.0 / np.pi
+IN_A_WALK = {name: IMPLAUSIBLE[name][:2] for name in IMPLAUSIBLE} | {
+    "encoders in degrees": (scaled(DEGREES, "joint_position"), DISAGREE),
+    "all angles in degrees": (scaled(DEGREES, "joint_position", "joint_velocity"), ""),
+    "stuck encoders": (stuck_encoders, DISAGREE),
+    "opposite velocities": (scaled(-1.0, "joint_velocity"), DISAGREE),
+    "opposite torque": (opposite_torque, ""),
 }
-ONE_FOOT = 400
-"""Ticks in which degrees per second are not seen where two feet seldom stand."""
+del IN_A_WALK["ks"], IN_A_WALK["degrees"]
 
 
 @pytest.mark.parametrize("fault", IN_A_WALK)
@@ -422,15 +417,12 @@ def test_a_fault_in_a_walk_is_said_soon(walks, name, fault):
         if 1500 <= n < 3000:
             spoil(given, n)
         state = estimator.step(given, plan)
+        assert np.isfinite([*state.q, *state.v]).all()
         said.append(estimator.status)
         errors.append(np.linalg.norm(state.v[:3] - v[:3]))
-        assert np.isfinite(state.q).all()
-        assert np.isfinite(state.v).all()
     lies = (np.array(errors) > WRONG) & (np.array(said) == "good")
-    slow = fault == "degrees"
-    assert lies.sum() < (ONE_FOOT if slow else LATE)
-    assert not lies[1500 + ONE_FOOT :].any(), np.flatnonzero(lies)
-    assert status is None or status in said[1500:3000]
+    assert lies.sum() < LATE
+    assert not status or status in said[1500:3000]
     assert np.mean(np.array(said[2500:3000]) == "good") < 0.5
 
 
@@ -522,7 +514,7 @@ def test_a_reset_estimator_is_a_new_one(walks):
     for n, (readings, plan, _, _) in enumerate(walks["harpy"][:2000]):
         given = copy.deepcopy(readings)
         if n % 200 > 150:
-            encoders_in_degrees(given, n)
+            IN_A_WALK["encoders in degrees"][0](given, n)
         used.step(given, plan, acceleration)
     used.reset()
     fresh = hp.Estimator(robot)
