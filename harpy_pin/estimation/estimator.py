@@ -14,7 +14,7 @@ from harpy_pin import checks
 from harpy_pin.arguments import checked
 from harpy_pin.errors import InputError
 from harpy_pin.estimation.imu import Imu
-from harpy_pin.estimation.plausibility import BAD_TARGET, NO_SAMPLE
+from harpy_pin.estimation.plausibility import BAD_TARGET, MISMATCH, NO_SAMPLE
 from harpy_pin.estimation.readings import Readings
 from harpy_pin.estimation.record import ContactRecord, EstimatorRecord, FilterRecord
 from harpy_pin.estimation.statuses import EXPLANATIONS, STATUS
@@ -31,6 +31,8 @@ from harpy_pin.model.terms import read_thrusts
 GRAVITY = 9.81
 POINT_RATE, SOLE_RATE = 300.0, 150.0
 """Of the momentum observer, 1/s."""
+ESTIMATED = ("q", "v", "foot_position", "foot_velocity", "foot_force")
+"""What of the record makes a :class:`~harpy_pin.model.state.State`."""
 NEAR = 0.3
 """Distance below which a foot is where the ground is, as a share of the noise of the ground's
 height.
@@ -144,6 +146,7 @@ class Estimator(KeepsViews):
         self.record = _record(
             robot, self.imu, self.settings, self.period, checks.vector("foot_radius", radius, feet)
         )
+        self._fresh = self._record_.copy()
         self.probability: Vector = field(self._record_["contact"], "probability")
         self._thrust: Vector = field(self._record_, "thrust")
         self._intended: Vector = field(self._record_, "intended")
@@ -158,8 +161,6 @@ class Estimator(KeepsViews):
             "contact_probability": self.probability,
             "estimator_status": field(self._record_, "status"),
         }
-        names = ("q", "v", "foot_position", "foot_velocity", "foot_force")
-        self._arrays = tuple(field(self._record_, name) for name in names)
         self.reset()
 
     def __repr__(self) -> str:
@@ -178,24 +179,16 @@ class Estimator(KeepsViews):
             InputError: wrong shapes, or entries that are not finite or beyond 1e6.
         """
         r, model = self._record_, self.robot.model
-        r["level"] = q is None
-        q = pin.neutral(model) if q is None else configuration(model, q)
+        level, q = q is None, pin.neutral(model) if q is None else configuration(model, q)
         v = np.zeros(model.nv) if v is None else checks.vector("v", v, model.nv)
         if not (all_possible(q) and all_possible(v)):
             raise InputError(f"q and v must be at most {MAX_SAMPLE:g}", name="v", value=v)
         rotation, place = pin.Quaternion(q[3:7]).toRotationMatrix(), r["place"][0]
-        f, c = r["filter"], r["contact"]
+        r[...], f = self._fresh, r["filter"]
         f["rotation"], f["position"] = rotation, q[:3] + rotation @ place
         f["velocity"] = rotation @ (v[:3] + np.cross(v[3:6], place))
-        f["gyroscope_bias"] = f["accelerometer_bias"] = f["held"] = 0
-        for name in ("residual", "motion", "sums", "joint", "probability", "force"):
-            c[name] = 0.0
-        r["q"], r["v"] = q, v
-        r["begun"], r["status"], f["period"] = 0, NO_SAMPLE, self.period
-        r["same_in_a_row"] = r["late_in_a_row"] = r["pauses_in_a_row"] = r["missing"] = 0
-        r["turning"] = r["unread"] = r["settling"] = r["loose"] = r["lost"] = r["astray"] = 0
-        r["angular_acceleration"] = r["raw_acceleration"] = r["raw_angular_velocity"] = 0.0
-        r["t"] = np.nan
+        r["level"], r["q"], r["v"], r["status"] = level, q, v, NO_SAMPLE
+        self._arrays = tuple(field(r, name) for name in ESTIMATED)  # whoever has one can reshape it
 
     @property
     def status(self) -> str:
@@ -216,6 +209,7 @@ class Estimator(KeepsViews):
             borne=r["borne"],
             deviation=deviation,
             twice=2.0 * deviation,
+            mismatch=MISMATCH,
         )
 
     @property
@@ -377,6 +371,8 @@ def _record(
         up=1.0,
         turning=0.0,
         unread=0.0,
+        unlike=0.0,
+        contested=0.0,
         settling=0.0,
         loose=0.0,
         lost=0.0,

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from harpy_pin.estimation.contact import LATEST
 from harpy_pin.estimation.record import EstimatorRecord
 from harpy_pin.kernels import kernel
 from harpy_pin.model.entry import all_possible
@@ -36,13 +37,15 @@ def feel_intended(e: EstimatorRecord) -> None:
 
 
 @kernel
-def move_joints(e: EstimatorRecord, stance: Vector) -> None:
-    """Joints as intended, and the weight on the feet that the gait has in stance (feet,)."""
+def move_joints(e: EstimatorRecord, stance: Vector, phase: Vector, ground_height: Vector) -> None:
+    """Joints as intended, and the weight on the feet that the gait has in stance, or that have come
+    down; its arrays (feet,) are those of a step.
+    """
     t, c = e.filter.period, e.contact
     angle = joint_angles(e.q, e.angle_place, e.unbounded)
     angle += t * (e.v[6:] + 0.5 * t * e.intended[6:])
     set_joint_angles(e.q, e.angle_place, e.unbounded, angle)
     e.v[6:] += t * e.intended[6:]
-    bearing = float(c.weight @ stance)
-    c.share[:], c.force[:, :2] = stance, 0.0
-    c.force[:, 2] = stance * c.weight * e.weight / np.maximum(bearing, c.weight)
+    down = (phase >= LATEST) & (e.dynamics.foot_position[:, 2] < ground_height + c.near)
+    c.share[:], c.force[:, :2] = np.where(down, 1.0, stance), 0.0
+    c.force[:, 2] = c.share * c.weight * e.weight / np.maximum(float(c.weight @ c.share), c.weight)

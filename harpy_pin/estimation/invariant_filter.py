@@ -31,13 +31,19 @@ from __future__ import annotations
 import numpy as np
 
 from harpy_pin.estimation.record import ERRORS, FilterRecord
-from harpy_pin.kernels import diagonal, kernel
+from harpy_pin.kernels import ByPrecision, diagonal, kernel
 from harpy_pin.model.cholesky import factorise, solve_transposed
 from harpy_pin.model.state import Vector
 from harpy_pin.model.vectors import exp, skew
 
-INNOVATION_TIME = 0.5
+INNOVATION_TIME = 0.1
 """Time constant of the low-pass of the innovations, s."""
+COMPENSATED = ByPrecision(0.0, single=1.0)
+"""Whether steps add to the place what rounding has taken off those before."""
+ROUNDING = ByPrecision(0.0, single=1.2e-7)
+"""Share by which each step lets the variances of place and heading grow that nothing bounds: more
+than its rounding, which would make their covariance indefinite.
+"""
 
 
 @kernel
@@ -69,9 +75,18 @@ def predict(
     a = middle @ acceleration + f.gravity
     way = t * (f.velocity + 0.5 * t * a)
     f.velocity += t * a
-    f.position += way
+    _move(f, way)
     f.foothold += t * rolling - way
     f.rotation[:] = orthonormalised(middle @ half)
+
+
+@kernel
+def _move(f: FilterRecord, way: Vector) -> None:
+    """Add a way to the place, by Kahan's compensated sum."""
+    f.rest += way
+    place = f.position + f.rest
+    f.rest[:] = COMPENSATED * (f.rest - (place - f.position))
+    f.position[:] = place
 
 
 @kernel
@@ -86,6 +101,8 @@ def _predict_covariance(f: FilterRecord) -> None:
     p[3:6, 3:6] += f.accelerometer_density**2 * t * np.eye(3)
     p[9:12, 9:12] += f.gyroscope_walk**2 * t * np.eye(3)
     p[12:15, 12:15] += f.accelerometer_walk**2 * t * np.eye(3)
+    diagonal(p)[2] += ROUNDING * p[2, 2]
+    diagonal(p)[6:8] += ROUNDING * diagonal(p)[6:8]
 
 
 @kernel(p="f.covariance")
@@ -197,7 +214,7 @@ def _correct(f: FilterRecord) -> None:
     back = exp(-c[0:3])
     f.rotation[:] = back @ f.rotation
     f.velocity[:] = back @ (f.velocity - c[3:6])
-    f.position -= c[6:9]
+    _move(f, -c[6:9])
     f.gyroscope_bias -= c[9:12]
     f.accelerometer_bias -= c[12:15]
     for k in range(f.held.shape[0]):

@@ -16,24 +16,19 @@ from harpy_pin.kernels import diagonal, kernel
 from harpy_pin.model.state import Vector
 from harpy_pin.model.vectors import exp
 
-GOOD, NO_SAMPLE, STUCK, SATURATED, INCONSISTENT, BACKWARDS, GAP = 0, 1, 2, 3, 4, 5, 6
-CLOCK, UNLOADED, WEIGHTLESS, UPSIDE_DOWN, TURNING, NO_FOOTHOLD, UNSURE, BAD_TARGET = (
-    7,
-    8,
-    9,
-    10,
-    11,
-    12,
-    13,
-    14,
-)
+GOOD, NO_SAMPLE, STUCK, SATURATED, INCONSISTENT, BACKWARDS, GAP, CLOCK = range(8)
+UNLOADED, WEIGHTLESS, UPSIDE_DOWN, TURNING, ENCODERS, NO_FOOTHOLD, UNSURE, BAD_TARGET = range(8, 16)
 """Status of a step, see :attr:`harpy_pin.estimation.estimator.Estimator.status`."""
 SAME = 50
 """Equal samples of the gyroscope in a row that no working one gives."""
 EXPECTED = 3.0
 """Mean of the squared Mahalanobis distance of three measurements."""
-INCONSISTENCY = 3.0
-"""Factor on it that says that the readings do not belong together."""
+INCONSISTENCY = 5.0
+"""Factor on it that says that the readings do not belong together. Where soft ground lets feet
+creep it is up to 4.6.
+"""
+CONTESTED = 2.0
+"""Time for which that is said, s: what was learned in it takes as long to be put right."""
 BIASED, SHAKEN = 8.0, 12.0
 """Estimated biases of gyroscope and accelerometer that say the same, in standard deviations of the
 sensor. Contacts that shake the robot and creep look like up to ten of an accelerometer.
@@ -70,8 +65,14 @@ KNOWN = 0.025
 """Standard deviation of the velocity up to which an estimate is good, m/s: with probability 0.95
 within 5 cm/s.
 """
-SETTLES = 0.1
+SETTLES = 0.2
 """Time after new footholds for which feet may still be wrongly in contact, s."""
+MISMATCH, MISMATCH_TIME = 0.2, 0.5
+"""Difference between the changes of a joint's angle and those by its velocity, rad, over this time,
+s, from which on joints are not read, for as long again.
+"""
+SWING = 0.05
+"""Time without readings of the joints in which a foot may have come to stand elsewhere, s."""
 SMALL = 1e-9
 """Acceleration across the vertical that tells no axis, m/s²."""
 
@@ -100,6 +101,21 @@ def weigh(e: EstimatorRecord) -> None:
 
 
 @kernel
+def encoders_agree(e: EstimatorRecord, angle: Vector, velocity: Vector) -> bool:
+    """Whether the changes of the joints' angles are those by their velocities, in the mean."""
+    elapsed, change = e.unread + e.filter.period, angle - e.read[0]
+    change = np.where(e.unbounded != 0, np.arctan2(np.sin(change), np.cos(change)), change)
+    change -= 0.5 * elapsed * (velocity + e.read[1])
+    e.read[0], e.read[1] = angle, velocity
+    known = 1.0 if e.begun != 0 and elapsed < SWING else 0.0
+    change += (1.0 - elapsed / MISMATCH_TIME) * e.mismatch
+    e.mismatch[:] = known * np.clip(change, -2.0 * MISMATCH, 2.0 * MISMATCH)
+    beyond = np.any(abs(e.mismatch) > MISMATCH)
+    e.unlike = MISMATCH_TIME if beyond else max(e.unlike - e.filter.period, 0.0)
+    return e.unlike == 0.0
+
+
+@kernel
 def compare(e: EstimatorRecord) -> None:
     """What these means are of gravity and of the weight, and whether they are upright."""
     felt, g = e.felt[:3], e.filter.gravity
@@ -118,7 +134,7 @@ def believe_feet(e: EstimatorRecord) -> None:
     biases and tilt were wrong.
     """
     c, own = e.contact, np.empty((e.local_foot.shape[0], 6))
-    wrong = WEIGHTLESS <= e.status <= TURNING
+    wrong = WEIGHTLESS <= e.status <= ENCODERS
     e.astray = 1 if wrong else e.astray
     if LIGHT < e.gravity < HEAVY and e.borne > BORNE and e.up < UPRIGHT:
         level(e)
@@ -133,7 +149,8 @@ def believe_feet(e: EstimatorRecord) -> None:
     square = np.sum(off[:, :3] ** 2, axis=1) - 4.0 * np.sum(off[:, 3:] ** 2, axis=1)
     spread = on @ square / loaded
     if loaded > 1.0:
-        e.turning += min(e.period / AVERAGE, 1.0) * (min(max(spread, -1.0), 1.0) - e.turning)
+        e.turning += min(e.period / AVERAGE, 1.0) * (max(spread, -1.0) - e.turning)
+        e.turning = min(e.turning, 4.0 * TURNS * TURNS)  # forgotten within two seconds
     e.lost = e.lost + e.filter.period if lost else 0.0
     if e.lost >= LOST:
         if not wrong:
@@ -141,6 +158,7 @@ def believe_feet(e: EstimatorRecord) -> None:
             e.astray = 0
         _begin_anew(e, mean[:3])
         e.lost, e.settling = 0.0, SETTLES
+        e.contested, e.filter.innovation = 0.0, EXPECTED
 
 
 @kernel
@@ -174,6 +192,8 @@ def judge(e: EstimatorRecord, good: bool, periods: float) -> int:
         return SATURATED
     if e.pauses_in_a_row >= PAUSES:
         return CLOCK
+    if e.unlike > 0.0:
+        return ENCODERS
     if not LIGHT < e.gravity < HEAVY:
         return WEIGHTLESS
     if min(e.borne, e.up) < -UPRIGHT:
@@ -183,12 +203,7 @@ def judge(e: EstimatorRecord, good: bool, periods: float) -> int:
         return UNLOADED
     if e.turning > TURNS * TURNS:
         return TURNING
-    consistent = (
-        f.innovation <= INCONSISTENCY * EXPECTED
-        and e.lost == 0.0
-        and e.astray == 0
-        and e.up > UPRIGHT
-    )
+    consistent = e.contested == 0.0 and e.lost == 0.0 and e.astray == 0 and e.up > UPRIGHT
     unsure = e.loose > FLIGHT or e.settling > 0.0
     variance = diagonal(f.covariance)[3:6]
     steady = np.all(abs(f.gyroscope_bias) <= BIASED * f.start[9:12])

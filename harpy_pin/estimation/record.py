@@ -35,6 +35,7 @@ class FilterRecord(RecordOf):
     rotation: Vector = sized(3, 3)  # body axes to world
     velocity: Vector = sized(3)  # of the inertial unit, m/s
     position: Vector = sized(3)  # of the inertial unit, m
+    rest: Vector = sized(3)  # that rounding took off it, m
     gyroscope_bias: Vector = sized(3)  # body axes, rad/s
     accelerometer_bias: Vector = sized(3)  # body axes, m/s²
     foothold: Vector = sized(
@@ -131,6 +132,11 @@ class EstimatorRecord(RecordOf):
     # mean square speed of loaded feet against each other that only the gyroscope sees, m²/s²
     turning: float
     unread: float  # time since the joints were read, s
+    read: Vector = sized(2, "joints")  # angles and velocities as they were then, rad and rad/s
+    # changes of the angles less those by the velocities, over some tenths of a second, rad
+    mismatch: Vector = sized("joints")
+    unlike: float  # time for which joints are not read for that, s
+    contested: float  # time for which innovations count as beyond their covariance, s
     settling: float  # time for which the velocity is not called known yet, s
     loose: float  # time since a foothold was measured, s
     # time for which loaded feet have agreed with each other, and not with the estimate, s

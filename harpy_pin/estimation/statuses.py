@@ -19,6 +19,7 @@ STATUS = {
     status.UPSIDE_DOWN: "gravity upside down",
     status.UNLOADED: "feet do not bear the weight",
     status.TURNING: "gyroscope contradicts the legs",
+    status.ENCODERS: "angles contradict velocities",
     status.NO_FOOTHOLD: "no foothold",
     status.UNSURE: "velocity is uncertain",
     status.BAD_TARGET: "bad target",
@@ -51,6 +52,9 @@ EXPLANATIONS = {
     status.TURNING: "by the gyroscope feet that stand move against each other, by the encoders "
     "they "
     "do not; it must be in rad/s, and may be in degrees per second",
+    status.ENCODERS: "angles of joints change otherwise than their velocities say, by more than "
+    "{mismatch:g} rad in half a second, and are not used; encoders are stuck, or one of the two is "
+    "in degrees or has another sign",
     status.NO_FOOTHOLD: "no foot has held for so long that the velocity's standard deviation is "
     "{deviation:.2g} m/s",
     status.UNSURE: "samples were missing, or the estimate began anew, and feet have not held long "

@@ -23,12 +23,17 @@ from harpy_pin.estimation.invariant_filter import (
 from harpy_pin.estimation.plausibility import (
     BACKWARDS,
     BAD_TARGET,
+    CONTESTED,
+    EXPECTED,
+    INCONSISTENCY,
     LIGHT,
     NO_SAMPLE,
     PAUSES,
     SETTLES,
+    SWING,
     believe_feet,
     compare,
+    encoders_agree,
     judge,
     level,
     weigh,
@@ -45,8 +50,6 @@ LEAST = 0.05
 """Share of a period that the time must have gone on by."""
 EXACT = 1e-6
 """Share of a period by which clocks of simulations are off: their periods are exact."""
-SWING = 0.05
-"""Time without readings of the joints in which a foot may have come to stand elsewhere, s."""
 DOUBT = (2.0, 20.0)
 """Error of angular velocity, rad/s, and acceleration, m/s², in a period without a good sample."""
 SHORT, INTERPOLATED = 10.0, 0.1
@@ -116,14 +119,16 @@ def estimate(
         e.status = NO_SAMPLE
         return NO_SAMPLE
     e.t, e.late_in_a_row = t, 0
-    intended = is_intended(e)
+    told, intended = legs, is_intended(e)
+    if legs:
+        legs = encoders_agree(e, joint_position, joint_velocity)
     if intended and not unit:
         feel_intended(e)
     if legs:
         set_joint_angles(e.q, e.angle_place, e.unbounded, joint_position)
         e.v[6:] = joint_velocity
     elif intended:
-        move_joints(e, stance)
+        move_joints(e, stance, phase, ground_height)
     if e.begun == 0:
         _begin(e)
     else:
@@ -148,7 +153,7 @@ def estimate(
         _use_feet(e)
         e.unread = 0.0
     _write_state(e)
-    e.status = judge(e, unit and legs, periods)
+    e.status = judge(e, unit and told, periods)
     return e.status
 
 
@@ -200,7 +205,9 @@ def _doubt(e: EstimatorRecord, gap: float) -> None:
     Over a gap the error may be as large as the difference between the samples at its ends.
     """
     p, t, jump = e.filter.covariance, e.period, e.raw_acceleration - e.before[3:]
-    variance = e.missing + (INTERPOLATED * gap) ** 2
+    beyond = e.filter.innovation > INCONSISTENCY * EXPECTED
+    e.contested = CONTESTED if beyond else max(e.contested - e.filter.period, 0.0)
+    variance = e.missing + (1.0 if beyond else 0.0) + (INTERPOLATED * gap) ** 2
     p[:3, :3] += variance * (DOUBT[0] * t) ** 2 * np.eye(3)
     p[3:6, 3:6] += (variance * (DOUBT[1] * t) ** 2 + jump @ jump * (gap * t) ** 2) * np.eye(3)
 

@@ -36,6 +36,8 @@ INPUTS = {
     "joint_torque": "of the motors since the last step, N m",
     "normal_force": "of foot sensors, N; NAN where there is none",
     "thrust": "of each thruster since the last step, world axes, N",
+    "acceleration": "that the last command intends, as v, m/s^2 and rad/s^2 (condensed.root"
+    ".acceleration in a condensed controller's state); NAN where there is none",
 }
 OUTPUTS = {
     "torque": "of the joints, N m",

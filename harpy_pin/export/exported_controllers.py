@@ -28,7 +28,7 @@ from harpy_pin.controllers.tick import BAD_SAMPLE, FALLBACK, VIOLATED
 from harpy_pin.controllers.whole_body import WholeBodyController
 from harpy_pin.controllers.whole_body_tick import QP_TICKS, ProgramTickRecord
 from harpy_pin.errors import InputError
-from harpy_pin.estimation.estimator import Estimator
+from harpy_pin.estimation.estimator import ESTIMATED, Estimator
 from harpy_pin.estimation.record import EstimatorRecord
 from harpy_pin.estimation.statuses import STATUS
 from harpy_pin.estimation.tick import estimate
@@ -52,7 +52,6 @@ MEASURED: tuple[str, ...] = ("q", "v", "foot_position", "foot_force")
 """What a controller may take of a state."""
 LAW = ("joint_position", "joint_velocity", "joint_stiffness", "joint_damping")
 """Rows of the motors' law, see :class:`harpy_pin.model.state.Command`."""
-ESTIMATED = ("q", "v", "foot_position", "foot_velocity", "foot_force")  # what an estimator gives
 
 
 PROGRAM_STATUSES = {"OPTIMAL": 0, "FALLBACK": FALLBACK}
@@ -304,13 +303,16 @@ def estimate_after(
     torque: Vector,
     normal_force: Vector,
     thrust: Vector,
+    acceleration: Vector,
 ) -> int:
     """One step, the time since the last one (1,), s, instead of a clock, which single precision
     would round.
 
-    ``goal`` are the gait's targets of the last tick, ``thrust`` (thrusters, 3) is in world axes, N.
+    ``goal`` are the gait's targets of the last tick, ``thrust`` (thrusters, 3) is in world axes, N,
+    ``acceleration`` (nv,) the intended one, NaN where there is none.
     """
     read_thrusts(r.dynamics, thrust, r.thrust)
+    r.intended[:] = acceleration
     status = estimate(
         r,
         elapsed[0],
@@ -336,6 +338,7 @@ def _estimator(estimator: Estimator) -> Exportable:
     inputs: dict[str, tuple[int, ...]] = {"elapsed": (1,), "gyroscope": (3,), "accelerometer": (3,)}
     inputs |= dict.fromkeys(("joint_position", "joint_velocity", "joint_torque"), joints)
     inputs |= {"normal_force": (feet,), "thrust": (len(robot.thrusters), 3)}
+    inputs["acceleration"] = (robot.model.nv,)
     outputs = {name: record[name].shape[1:] for name in ESTIMATED}
     statuses = {text.upper().replace(" ", "_"): code for code, text in STATUS.items()}
     target = GaitTarget(feet)._record_

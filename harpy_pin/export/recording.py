@@ -168,7 +168,9 @@ class _Watch:
             (s.gyroscope, s.accelerometer),
             (s.joint_position, s.joint_velocity, s.joint_torque),
         )
-        self._keep([elapsed, *unit, *joints, force, given.thrust])
+        motion = np.nan if self.inner.acceleration is None else self.inner.acceleration
+        intended = np.full(self.what.inputs["acceleration"], motion)
+        self._keep([elapsed, *unit, *joints, force, given.thrust, intended])
         command = self.inner.step(state)
         self._given = Command(command.torque.copy(), command.thrust.copy())
         return command

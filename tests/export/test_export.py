@@ -150,17 +150,27 @@ def test_a_tick_is_the_controllers(controller):
 
 
 @needs_compiler
-def test_the_estimate_is_the_estimators(folders):
+@pytest.mark.parametrize("intended", [True, False])
+def test_the_estimate_is_the_estimators(folders, intended):
     """In double precision every number is that of the class; in single precision it is as good as
     its sensors.
+
+    Also through 100 ms without readings, by the motion that the controller intends or without one.
     """
     motion = ready(hp.load_harpy(), "estimator", duration=0.5)
     estimator, target = motion.sensors.estimator, GaitTarget()
     what = exportable(estimator)
     given = record(motion, what)
-    ours, _ = _from_kernels(what, given)
+    assert np.ptp(given.inputs["acceleration"][1:], axis=0).min() > 0.0
+    for name in INPUTS:
+        given.inputs[name][300:400] = np.nan
+    if not intended:
+        given.inputs["acceleration"][:] = np.nan
+    ours, ended = _from_kernels(what, given)
+    assert ended[300] == what.statuses["NO_SAMPLE"]
     floats, _ = answers(what, folders("harpy", "estimator", "float").code, given)
     assert 0.0 < np.abs(floats - ours)[:, :13].max() < 1e-4
+    estimator.reset()
     for n, row in enumerate(ours):
         begin = 0
         for name in target.record.dtype.names:
@@ -169,7 +179,9 @@ def test_the_estimate_is_the_estimators(folders):
             begin += place.size
         readings = hp.Readings(1e-3 * n, *(given.inputs[name][n] for name in INPUTS))
         readings.thrust = given.inputs["thrust"][n].reshape(2, 3)
-        state = estimator.step(readings, target)
+        state = estimator.step(
+            readings, target, given.inputs["acceleration"][n] if intended else None
+        )
         np.testing.assert_array_equal(row[:25], np.concatenate([state.q, state.v]))
 
 
