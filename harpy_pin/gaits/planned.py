@@ -25,7 +25,7 @@ from harpy_pin.gaits.fitting import leg_length
 from harpy_pin.gaits.gait import Gait, GaitTarget, Unobserved
 from harpy_pin.gaits.plan import Plan, PlannedMoment
 from harpy_pin.gaits.swing import on_its_way
-from harpy_pin.gaits.walking.swinging import DESCENT
+from harpy_pin.gaits.walking.swinging import DESCENT, PEAK
 from harpy_pin.gaits.walking.walking_gait import CLEARANCE, OFFSET, WalkingGait
 from harpy_pin.ground.terrain import Plane
 from harpy_pin.model.entry import all_possible, all_possible_rows, as_state, is_unit
@@ -148,6 +148,7 @@ class PlannedGait(Gait):
         self._stood: float | None = None  # since when it stands
         self._swings = [False] * feet
         self._foot: Vector = np.zeros((feet, 3, 3))
+        self._goal: Vector = np.zeros((feet, 3))  # where it lands
         self._lifted, self._lands, self._height = [t] * feet, [t] * feet, [0.0] * feet
 
     @property
@@ -335,7 +336,7 @@ class PlannedGait(Gait):
         motion[0] = state.foot_position
         motion[1, :, 2] = -DESCENT
         for k, contact in enumerate(now.contact.tolist()):
-            if self._is_in_air(k, contact, float(now.landing[k]), state):
+            if self._is_in_air(k, contact, now, state):
                 target.stance[k] = 0.0
                 target.phase[k] = self._swing(k, now.foothold[k], step)
                 motion[:, k] = self._foot[k]
@@ -343,12 +344,12 @@ class PlannedGait(Gait):
         target.foot_velocity[:] = motion[1] - velocity
         target.foot_acceleration[:] = motion[2] - now.acceleration
 
-    def _is_in_air(self, k: int, contact: bool, landing: float, state: State) -> bool:
+    def _is_in_air(self, k: int, contact: bool, now: PlannedMoment, state: State) -> bool:
         """Whether foot k swings; it begins to where the plan says so and leaves it the time."""
-        t = self._time
+        t, landing, foothold = self._time, float(now.landing[k]), now.foothold[k]
         if not contact:
             if not self._swings[k] and landing - t > SHORTEST:
-                self._swings[k], self._lifted[k] = True, t
+                self._swings[k], self._lifted[k], self._goal[k] = True, t, foothold
                 self._foot[k] = state.foot_position[k], np.zeros(3), np.zeros(3)
                 self._height[k] = float(state.foot_position[k, 2])
             self._lands[k] = landing
@@ -360,8 +361,11 @@ class PlannedGait(Gait):
         """Bring a foot in the air to the present time; returns the share of its swing."""
         lifted, lands = self._lifted[k], self._lands[k]
         step = min(step, self._time - lifted)
-        left, height = lands - self._time + step, float(foothold[2])
-        goal, apex = (*foothold[:2], height - OFFSET), max(self._height[k], height) + self.clearance
+        left, change = lands - self._time + step, foothold - self._goal[k]
+        most, far = HARDEST / PEAK * max(left, 0.0) ** 2, float(np.linalg.norm(change))
+        self._goal[k] += change * min(most / far, 1.0) if far > 0.0 else 0.0
+        x, y, height = self._goal[k].tolist()
+        goal, apex = (x, y, height - OFFSET), max(self._height[k], height) + self.clearance
         rise = left - 0.5 * (lands - lifted)
         self._foot[k] = on_its_way(self._foot[k], goal, step, left, rise, apex)
         return min((self._time - lifted) / (lands - lifted), 1.0)

@@ -56,17 +56,17 @@ class SingleBody:
         self.motion[1, 3:] = self.turn.T @ self.rotation @ state.v[3:6]
 
     def acceleration(self, foot: Vector, body: Vector) -> Vector:
-        """(n, 6, 3) linear and angular acceleration per force.
+        """(n, 6, 3) linear and angular acceleration per force and mass.
 
         Args:
             foot: (n, 3) on which the forces act, axes of the heading, m.
             body: (n, 3) where the body's origin is then, m.
         """
         gain = np.zeros((len(foot), 6, 3))
-        gain[:, :3] = np.eye(3) / self.mass
+        gain[:, :3] = np.eye(3)
         arms = foot - body - self.centre
         cross = -np.cross(np.eye(3), arms[:, None]).transpose(0, 2, 1)  # arm × force
-        gain[:, 3:] = np.linalg.solve(self.inertia, cross)
+        gain[:, 3:] = self.mass * np.linalg.solve(self.inertia, cross)
         return gain
 
 

@@ -32,7 +32,7 @@ WEIGHTS = np.array([[0.0, 0.0, 400.0, 100.0, 150.0, 20.0], [10.0, 10.0, 10.0, 1.
 OVER_FEET = 100.0
 """Weight of the horizontal place where it stands."""
 FORCE_WEIGHT = 2.5e-4
-"""Of squared forces, over the squared mass, kg²."""
+"""Of squared forces per mass."""
 CATCH = 0.58
 """How far a foothold goes for a velocity that is not wanted, in √(leg / g)."""
 LEAN = 0.5
@@ -165,12 +165,13 @@ class Preview:
             ahead.times,
             wanted - falls,
             weights=weights,
-            force_weight=FORCE_WEIGHT / body.mass**2,
+            force_weight=FORCE_WEIGHT,
             mu=FRICTION_SHARE * self.mu,
-            most=LARGEST * body.mass * GRAVITY,
+            most=LARGEST * GRAVITY,
         )
         force = np.zeros((*ahead.contact.shape, 3))
-        force[interval, foot] = found = solved(program)
+        found = solved(program)
+        force[interval, foot] = body.mass * found
         motion = falls + program.effect @ found.ravel()
         motion = np.concatenate((body.motion[:, None], motion), axis=1)
         bends = np.zeros((len(middle), 6))

@@ -1,8 +1,9 @@
 """The quadratic program of the preview: contact forces that bring the body along its path.
 
 With accelerations summed up, places and velocities are linear in the forces of the feet on the
-ground, which are the only unknowns: some 60 for a horizon of twelve intervals. Each force is within
-a friction pyramid. ProxQP (dense) solves it.
+ground, which are the only unknowns: some 60 for a horizon of twelve intervals. They are divided by
+the mass, so that robots of all sizes have programs of one scale. Each force is within a friction
+pyramid. ProxQP (dense) solves it.
 """
 
 from __future__ import annotations
@@ -25,15 +26,15 @@ MOST, MOST_INNER = 30, 30
 
 
 class ForceProgram(NamedTuple):
-    """Minimise ½ fᵀ H f + gᵀ f subject to l ≤ C f ≤ u, for the stacked forces f of n stances.
+    """Minimise ½ fᵀ H f + gᵀ f subject to l ≤ C f ≤ u, for the stacked forces per mass f, m/s².
 
     Attributes:
         hessian: H (3 n, 3 n).
         gradient: g (3 n,).
         rows: C (5 n, 3 n): four sides of each pyramid, and the normal force.
         lower: l (5 n,).
-        upper: u (5 n,), N.
-        effect: (2, N, 6, 3 n) places and velocities at the ends of the intervals per force.
+        upper: u (5 n,), m/s².
+        effect: (2, N, 6, 3 n) places and velocities at the ends of the intervals per force and mass.
     """
 
     hessian: Vector
@@ -58,14 +59,14 @@ def force_program(
     """The program of a horizon.
 
     Args:
-        gain: (n, 6, 3) accelerations per force.
+        gain: (n, 6, 3) accelerations per force and mass.
         interval: (n,) in which interval each force acts.
         times: (N + 1,) at which the intervals begin and end, s.
         missing: (2, N, 6) places and velocities that are wanted, less those without forces.
         weights: (2, 6) of squared deviations in places and velocities, per time of the intervals.
-        force_weight: of squared forces.
+        force_weight: of squared forces per mass.
         mu: friction coefficient.
-        most: largest normal force, N.
+        most: largest normal force per mass, m/s².
     """
     n, span = len(gain), np.diff(times)
     share = span / span.mean()
@@ -84,7 +85,7 @@ def force_program(
 
 
 def solved(program: ForceProgram) -> Vector:
-    """Forces (n, 3), N, of the optimum.
+    """Forces per mass (n, 3), m/s², of the optimum.
 
     Raises:
         HarpyError: the solver has not found it in its iterations.
