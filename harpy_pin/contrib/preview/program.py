@@ -97,6 +97,7 @@ def solved(program: ForceProgram) -> Vector:
     proxqp, dense = proxsuite.proxqp, proxsuite.proxqp.dense
     qp = dense.QP(n, 0, len(p.lower))
     qp.settings.eps_abs, qp.settings.eps_rel = TOLERANCE, 0.0
+    qp.settings.eps_primal_inf = qp.settings.eps_dual_inf = 0.0  # no force is always feasible
     qp.settings.max_iter, qp.settings.max_iter_in = MOST, MOST_INNER
     qp.init(p.hessian, p.gradient, None, None, p.rows, p.lower, p.upper)
     qp.solve()
