@@ -21,7 +21,7 @@ from numpy.typing import ArrayLike
 from harpy_pin import checks
 from harpy_pin.arguments import checked
 from harpy_pin.errors import InputError
-from harpy_pin.gaits.fitting import leg_length
+from harpy_pin.gaits.fitting import GRAVITY, leg_length
 from harpy_pin.gaits.gait import Gait, GaitTarget, Unobserved
 from harpy_pin.gaits.plan import Plan, PlannedMoment
 from harpy_pin.gaits.swing import on_its_way
@@ -40,6 +40,8 @@ JUMP, TURN = 0.3, 0.5
 """How far from the measured state a plan may be when it comes: in lengths of the leg, and rad."""
 REACH = 2.0
 """How far from the body's planned place a foot may stand, in its distance in the posture."""
+GOES = 0.1
+"""Velocity from which on a robot walks to a stand, in √(g leg)."""
 FASTEST, HARDEST = 10.0, 100.0
 """Largest velocity and acceleration in a plan, m/s and m/s², also that of a foot's force alone."""
 SPIN, BEND = 30.0, 1000.0
@@ -234,9 +236,22 @@ class PlannedGait(Gait):
             return self.target
         self.plan = None
         if self._stood is None:
-            self._stood, self._swings = t, [False] * len(self._swings)
-            self.target.force[:] = 0.0
+            return self._stand_from(self._state)
         return self.stand.update(t - self._stood)
+
+    def _stand_from(self, state: State) -> GaitTarget:
+        """Begin to stand: a robot that goes walks to a stand, if it can."""
+        flies, self._swings = self._swings, [False] * len(self._swings)
+        self._stood, self.target.force[:] = self._time, 0.0
+        turn = pin.Quaternion(state.q[3:7]).matrix()
+        x, y, _ = turn @ state.v[:3]
+        goes = np.hypot(x, y) > GOES * np.sqrt(GRAVITY * self._leg)
+        if not (goes and isinstance(self.stand, WalkingGait)):
+            return self.stand.update(0.0)
+        c, s = turn[:2, 0] / np.hypot(*turn[:2, 0])
+        velocity = np.array([c * x + s * y, c * y - s * x, turn[2] @ state.v[3:6]])
+        self.stand._take_over(velocity, np.array(flies))
+        return self.stand.target
 
     def _ask(self, state: State) -> None:
         """Take what the planner has found, and call it where that is due."""

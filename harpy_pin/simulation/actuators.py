@@ -158,21 +158,25 @@ def motors_record(
     place: NDArray[np.int64] | None = None,
     unbounded: ArrayLike = 0,
 ) -> Records[MotorsRecord]:
-    """The motors, for kernels; ``peak`` are the model's peak torques (joints,), N·m, ``fastest`` its
-    velocity limits, rad/s, the rest as in the record.
+    """The motors, for kernels.
+
+    ``peak`` are the model's peak torques (joints,), N·m, ``fastest`` its velocity limits, rad/s,
+    the rest as in the record.
     """
     joints, bandwidth, share = len(peak), actuators.bandwidth, actuators.torque_share
     place = np.arange(7, 7 + joints) if place is None else place
-    no_load = math.inf if actuators.no_load_speed is None else actuators.no_load_speed
-    if actuators.no_load_share is not None:
-        no_load = actuators.no_load_share * np.asarray(fastest)
+    no_load = np.full(joints, math.inf)
+    if actuators.no_load_speed is not None:
+        no_load[:] = actuators.no_load_speed
+    elif actuators.no_load_share is not None:
+        no_load[:] = actuators.no_load_share * np.asarray(fastest)
     return make_record(
         MotorsRecord,
         {"joints": joints},
         rate=math.inf if bandwidth is None else 2.0 * math.pi * bandwidth,
         limit=np.full(joints, math.inf) if share is None else share * peak,
         stall=peak * (1.0 if actuators.stall_share is None else actuators.stall_share),
-        no_load_speed=np.full(joints, no_load),
+        no_load_speed=no_load,
         place=np.asarray(place, np.int64),
         unbounded=np.full(joints, unbounded, np.int64),
         peak=peak,

@@ -25,13 +25,7 @@ def along(velocity: Vector, t: Vector) -> tuple[Vector, Vector]:
 
 
 def footholds(
-    hip: Vector,
-    middle: Vector,
-    *,
-    velocity: Vector,
-    excess: Vector,
-    catch: float,
-    lean: float,
+    hip: Vector, middle: Vector, *, velocity: Vector, excess: Vector, catch: float, lean: float
 ) -> Vector:
     """(N, feet, 3) in the axes of the heading, about the body's present place, level with it, m.
 

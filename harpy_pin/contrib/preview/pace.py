@@ -80,7 +80,9 @@ class Stride:
         self.natural = float(np.sqrt(leg / GRAVITY))
         model = robot.model
         self._data, self._frames = model.createData(), [robot.frame_id(f) for f in robot.feet]
-        self._columns = np.array([[model.joints[j].idx_v for j in one.joints] for one in legs(robot)])
+        self._columns = np.array(
+            [[model.joints[j].idx_v for j in one.joints] for one in legs(robot)]
+        )
         pin.framesForwardKinematics(model, self._data, q)
         self._feet = np.array([self._data.oMf[f].translation for f in self._frames])
 
@@ -131,12 +133,19 @@ class Stride:
                 torque[i, columns] -= force * pushes[i]
         velocity = float(np.max(np.abs(speeds) / model.velocityLimit[6:]))
         return Pace(
-            speed, stance, swing, velocity, float(np.max(np.abs(torque[:, 6:]) / model.effortLimit[6:]))
+            speed,
+            stance,
+            swing,
+            velocity,
+            float(np.max(np.abs(torque[:, 6:]) / model.effortLimit[6:])),
         )
 
     def best(self, speed: float) -> Pace:
         """The pace at a speed, m/s, that asks for the least share of the limits."""
-        usual = min(STANCE * self.natural, SWEEP * self.leg / max(speed, 1e-6)), SWING * self.natural
+        usual = (
+            min(STANCE * self.natural, SWEEP * self.leg / max(speed, 1e-6)),
+            SWING * self.natural,
+        )
         found: list[tuple[float, Pace]] = []
         for s, w in product(STANCES, SWINGS):
             stance, swing = s * self.natural, w * self.natural

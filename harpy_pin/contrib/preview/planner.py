@@ -17,11 +17,12 @@ from harpy_pin.contrib.preview.schedule import Horizon, horizon
 from harpy_pin.errors import InputError
 from harpy_pin.gaits.fitting import GRAVITY
 from harpy_pin.gaits.plan import Plan
+from harpy_pin.gaits.standing import Standing
 from harpy_pin.gaits.velocity import Velocity, read_velocity
 from harpy_pin.gaits.walking.build import build_of, groups_of
 from harpy_pin.gaits.walking.walking_gait import CLEARANCE
-from harpy_pin.gaits.standing import Standing
 from harpy_pin.model.entry import as_state
+from harpy_pin.model.legs import legs
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import State, Vector
 
@@ -47,6 +48,8 @@ MOST_TURN = 2.5
 """Largest turning velocity, rad/s."""
 ASTRAY = 0.2
 """How far the heading may be behind, rad."""
+LONGEST_GAP = 0.1
+"""Time that counts between two plans, at most, s."""
 PUSHED = 0.2
 """Velocity from which on it steps though it should stand, in √(g leg)."""
 
@@ -56,11 +59,13 @@ class Preview:
     says, and runs with flight where that is fast.
 
     A convex model-predictive control of a single rigid body over some 0.3 s. How long feet stand
-    and swing follows from the speed and from what the motors can do (:mod:`.pace`). At zero command
-    it stands, and steps where it is pushed.
+    and swing follows from the speed and from what the motors can do (:class:`Pace`). At zero
+    command it stands, and steps where it is pushed. The ground is level, at height zero.
+
+    It has memory: one planner is for one gait. A time that goes back begins anew.
 
     Args:
-        robot: on four feet that are points.
+        robot: on four legs of three joints, whose feet are points.
         velocity: forward and to the left, m/s, and turning to the left, rad/s; or rows of a script,
             or a function of time, as of :class:`~harpy_pin.gaits.walking.WalkingGait`.
         mu: friction coefficient of the ground.
@@ -75,7 +80,7 @@ class Preview:
         paces: durations of stance and swing by the speed.
 
     Raises:
-        InputError: values out of their domains, or another number of feet.
+        InputError: values out of their domains, or another kind of legs.
     """
 
     @checked
@@ -88,9 +93,9 @@ class Preview:
         max_speed: float | None = None,
     ) -> None:
         checks.instance("robot", robot, Robot)
-        if robot.corners != (1, 1, 1, 1):
+        if robot.corners != (1, 1, 1, 1) or any(len(leg.joints) != 3 for leg in legs(robot)):
             raise InputError(
-                f"the preview needs four feet that are points; '{robot.name}' has {robot.corners}",
+                f"the preview needs four legs of three joints on points, not '{robot.name}'",
                 name="robot",
             )
         self.robot = robot
@@ -104,7 +109,7 @@ class Preview:
         self._body = SingleBody(robot, q)
         self._hips = build.place * [1.0, 1.0, 0.0]
         places = self._hips[:, :2] - self._hips[:, :2].mean(axis=0)
-        self._offset = 0.5 * groups_of("trot", places)
+        self._offset: Vector = groups_of("trot", places) / 2.0
         stride = Stride(robot, q, leg=build.leg, clearance=CLEARANCE * build.leg)
         fastest = FASTEST * float(np.sqrt(GRAVITY * build.leg))
         speeds = np.linspace(0.0, fastest, SPEEDS)
@@ -143,7 +148,7 @@ class Preview:
         state = as_state(state, self.robot)
         if state.t < self._time:
             self._begin(state.t)
-        step, self._time = state.t - self._time, state.t
+        step, self._time = min(state.t - self._time, LONGEST_GAP), state.t
         body = self._body
         body.measure(state)
         self._follow_command(step)
@@ -209,11 +214,15 @@ class Preview:
             self._phase += step / (stance + swing)
             held = (self._phase + self._offset) % 1.0 < duty
             self._stands = not (going or pushed) and bool(held.all())
-        phase = (self._phase + self._offset) % 1.0
+        phase: Vector = (self._phase + self._offset) % 1.0
         duration = INTERVALS * longest
         if self._stands:
             return horizon(
-                0.0 * phase, stance=2.0 * duration, swing=0.0, duration=duration, longest=3 * longest
+                0.0 * phase,
+                stance=2.0 * duration,
+                swing=0.0,
+                duration=duration,
+                longest=3 * longest,
             )
         return horizon(phase, stance=stance, swing=swing, duration=duration, longest=longest)
 

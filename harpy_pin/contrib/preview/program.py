@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 import proxsuite
+from numpy.typing import NDArray
 
 from harpy_pin.contrib.preview.model import sums
 from harpy_pin.errors import HarpyError
@@ -34,7 +35,8 @@ class ForceProgram(NamedTuple):
         rows: C (5 n, 3 n): four sides of each pyramid, and the normal force.
         lower: l (5 n,).
         upper: u (5 n,), m/s².
-        effect: (2, N, 6, 3 n) places and velocities at the ends of the intervals per force and mass.
+        effect: (2, N, 6, 3 n) places and velocities at the ends of the intervals, per force and
+            mass.
     """
 
     hessian: Vector
@@ -47,7 +49,7 @@ class ForceProgram(NamedTuple):
 
 def force_program(
     gain: Vector,
-    interval: Vector,
+    interval: NDArray[np.int64],
     times: Vector,
     missing: Vector,
     *,
