@@ -27,9 +27,9 @@ SINK = 2e-3
 REACHED = 0.9
 """Share of a speed that is reached, from the middle of the walk on."""
 SPEEDS: dict[str, tuple[tuple[float, ...], tuple[float, ...]]] = {
-    **dict.fromkeys(("go2", "go1", "a1"), ((1.5, 1.75, 2.0), (2.5, 3.0, 3.5))),
+    **dict.fromkeys(("go2", "go1", "a1"), ((1.0, 1.25, 1.5, 1.75), (2.5, 3.0, 3.5))),
     "solo12": ((1.0, 1.25, 1.5), (1.5, 1.8, 2.2)),
-    "anymal_c": ((1.0, 1.25, 1.5), (1.5, 1.75, 2.0)),
+    "anymal_c": ((0.75, 1.0, 1.25), (1.5, 1.75, 2.0)),
     "hyq": ((1.5, 2.0, 2.5), (2.0, 2.5, 3.0)),
 }
 """Speeds of the pendulum's walk and of the preview, m/s, by the robot."""

@@ -40,8 +40,8 @@ LEAN = 0.5
 """How far a foothold goes outwards in a turn, in what a pendulum of the body's height needs."""
 FRICTION_SHARE = 0.75
 """Of the friction coefficient that forces may use."""
-LARGEST = 3.0
-"""Largest normal force of a foot, in weights."""
+LARGEST = 2.0
+"""Largest normal force of a foot, in weights, as whole-body controllers have it."""
 ACCELERATION, TURN_ACCELERATION = 2.0, 4.0
 """Largest change of the applied velocity, m/s² and rad/s²."""
 MOST_TURN = 2.5

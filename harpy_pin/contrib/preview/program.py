@@ -73,8 +73,8 @@ def force_program(
     n, span = len(gain), np.diff(times)
     share = span / span.mean()
     effect = np.einsum("sif,fac->siafc", sums(times)[:, :, interval], gain)
-    effect = effect.reshape(*effect.shape[:3], 3 * n)
-    rows = effect.reshape(-1, 3 * n)
+    effect = effect.reshape(2, len(span), 6, 3 * n)
+    rows = effect.reshape(12 * len(span), 3 * n)
     weight = (weights[:, None] * share[:, None]).ravel()
     hessian = (rows.T * weight) @ rows
     hessian[np.diag_indices(3 * n)] += force_weight * np.repeat(share[interval], 3)
