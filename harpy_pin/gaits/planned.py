@@ -25,7 +25,7 @@ from harpy_pin.gaits.fitting import GRAVITY, leg_length
 from harpy_pin.gaits.gait import Gait, GaitTarget, Unobserved
 from harpy_pin.gaits.plan import Plan, PlannedMoment
 from harpy_pin.gaits.swing import on_its_way
-from harpy_pin.gaits.walking.swinging import DESCENT, PEAK
+from harpy_pin.gaits.walking.swinging import DESCENT
 from harpy_pin.gaits.walking.walking_gait import CLEARANCE, OFFSET, WalkingGait
 from harpy_pin.ground.terrain import Plane
 from harpy_pin.model.entry import all_possible, all_possible_rows, as_state, is_unit
@@ -34,6 +34,9 @@ from harpy_pin.model.state import State, Vector
 
 SHORTEST = 0.05
 """Time that a foot needs at least for a swing, s: with less left it stays on the ground."""
+SETTLED = 0.03
+"""Time before its landing from which on a foot goes where it is going, whatever new plans say, s:
+it could not follow."""
 FUTURE = 0.1
 """How long before it begins a plan may come, s."""
 JUMP, TURN = 0.3, 0.5
@@ -376,9 +379,9 @@ class PlannedGait(Gait):
         """Bring a foot in the air to the present time; returns the share of its swing."""
         lifted, lands = self._lifted[k], self._lands[k]
         step = min(step, self._time - lifted)
-        left, change = lands - self._time + step, foothold - self._goal[k]
-        most, far = HARDEST / PEAK * max(left, 0.0) ** 2, float(np.linalg.norm(change))
-        self._goal[k] += change * min(most / far, 1.0) if far > 0.0 else 0.0
+        left = lands - self._time + step
+        if left > SETTLED:
+            self._goal[k] = foothold
         x, y, height = self._goal[k].tolist()
         goal, apex = (x, y, height - OFFSET), max(self._height[k], height) + self.clearance
         rise = left - 0.5 * (lands - lifted)

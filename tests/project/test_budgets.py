@@ -19,10 +19,10 @@ ROOT = Path(__file__).resolve().parents[2]
 CONTRIB = "harpy_pin/contrib/"
 STATEMENTS = {
     "harpy_pin": 25_250,
-    CONTRIB: 5_000,
+    CONTRIB: 5_450,
     "reproduction": 2_100,
-    "comparison": 6_970,
-    "tests": 27_300,
+    "comparison": 7_060,
+    "tests": 27_650,
 }
 """Most statements of the Python files that Git tracks in a folder; ``harpy_pin`` is without
 contrib.

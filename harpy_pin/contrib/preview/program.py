@@ -20,8 +20,8 @@ from harpy_pin.model.state import Vector
 
 FREE = 1e20
 """A bound that is none."""
-TOLERANCE = 1e-4
-"""Of the optimality conditions, in the units of the program."""
+TOLERANCE = 1e-6
+"""Of the optimality conditions, in the units of the program: some 0.02 m/s² in a force."""
 MOST, MOST_INNER = 30, 30
 """Iterations of the solver, and of each of them, at most."""
 
