@@ -30,7 +30,7 @@ contrib.
 LONGEST_FILE = 350
 """Most statements of a file."""
 MOST_PUBLIC_NAMES = 73
-MOST_WORDS = 19_100
+MOST_WORDS = 19_310
 """Of prose in README, docs and notebooks, without tables, code, formulas and comments."""
 
 

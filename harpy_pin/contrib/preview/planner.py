@@ -129,7 +129,7 @@ class Preview:
         self._time, self._phase, self._stands = t, 0.0, True
         self._heading: float | None = None
 
-    def durations(self, speed: float) -> tuple[float, float]:
+    def _durations(self, speed: float) -> tuple[float, float]:
         """Times that a foot stands and swings at a speed, s."""
         speeds = [pace.speed for pace in self.paces]
         stance, swing = (
@@ -203,7 +203,7 @@ class Preview:
 
     def _look_ahead(self, step: float) -> Horizon:
         """The contacts to come; it begins and ends to stand."""
-        stance, swing = self.durations(hypot(*self.applied[:2]))
+        stance, swing = self._durations(hypot(*self.applied[:2]))
         longest = LONGEST * self._natural
         duty = stance / (stance + swing)
         going = bool(self.command.any() or self.applied.any())
@@ -229,7 +229,7 @@ class Preview:
     def _footholds(self, ahead: Horizon, state: State) -> Vector:
         """(N, feet, 3) in the axes of the heading, about the body's place, m."""
         body = self._body
-        stance = self.durations(hypot(*self.applied[:2]))[0]
+        stance = self._durations(hypot(*self.applied[:2]))[0]
         excess = body.motion[1, :3] - [*self.applied[:2], 0.0]
         feet = footholds(
             self._hips,
