@@ -21,7 +21,7 @@ from numpy.typing import ArrayLike
 from harpy_pin import checks
 from harpy_pin.arguments import checked
 from harpy_pin.errors import InputError
-from harpy_pin.gaits.fitting import leg_length
+from harpy_pin.gaits.fitting import GRAVITY, leg_length
 from harpy_pin.gaits.gait import Gait, GaitTarget, Unobserved
 from harpy_pin.gaits.plan import Plan, PlannedMoment
 from harpy_pin.gaits.swing import on_its_way
@@ -33,12 +33,17 @@ from harpy_pin.model.state import State, Vector
 
 SHORTEST = 0.05
 """Time that a foot needs at least for a swing, s: with less left it stays on the ground."""
+SETTLED = 0.03
+"""Time before its landing from which on a foot goes where it is going, whatever new plans say, s:
+it could not follow."""
 FUTURE = 0.1
 """How long before it begins a plan may come, s."""
 JUMP, TURN = 0.3, 0.5
 """How far from the measured state a plan may be when it comes: in lengths of the leg, and rad."""
 REACH = 2.0
 """How far from the body's planned place a foot may stand, in its distance in the posture."""
+GOES = 0.1
+"""Velocity from which on a robot walks to a stand, in √(g leg)."""
 FASTEST, HARDEST = 10.0, 100.0
 """Largest velocity and acceleration in a plan, m/s and m/s², also that of a foot's force alone."""
 SPIN, BEND = 30.0, 1000.0
@@ -149,6 +154,7 @@ class PlannedGait(Gait):
         self._stood: float | None = None  # since when it stands
         self._swings = [False] * feet
         self._foot: Vector = np.zeros((feet, 3, 3))
+        self._goal: Vector = np.zeros((feet, 3))  # where it lands
         self._lifted, self._lands, self._height = [t] * feet, [t] * feet, [0.0] * feet
 
     @property
@@ -234,9 +240,22 @@ class PlannedGait(Gait):
             return self.target
         self.plan = None
         if self._stood is None:
-            self._stood, self._swings = t, [False] * len(self._swings)
-            self.target.force[:] = 0.0
+            return self._stand_from(self._state)
         return self.stand.update(t - self._stood)
+
+    def _stand_from(self, state: State) -> GaitTarget:
+        """Begin to stand: a robot that goes walks to a stand, if it can."""
+        flies, self._swings = self._swings, [False] * len(self._swings)
+        self._stood, self.target.force[:] = self._time, 0.0
+        turn = pin.Quaternion(state.q[3:7]).matrix()
+        x, y, _ = turn @ state.v[:3]
+        goes = np.hypot(x, y) > GOES * np.sqrt(GRAVITY * self._leg)
+        if not (goes and isinstance(self.stand, WalkingGait)):
+            return self.stand.update(0.0)
+        c, s = turn[:2, 0] / np.hypot(*turn[:2, 0])
+        velocity = np.array([c * x + s * y, c * y - s * x, turn[2] @ state.v[3:6]])
+        self.stand._take_over(velocity, np.array(flies))
+        return self.stand.target
 
     def _ask(self, state: State) -> None:
         """Take what the planner has found, and call it where that is due."""
@@ -336,7 +355,7 @@ class PlannedGait(Gait):
         motion[0] = state.foot_position
         motion[1, :, 2] = -WALK.descent
         for k, contact in enumerate(now.contact.tolist()):
-            if self._is_in_air(k, contact, float(now.landing[k]), state):
+            if self._is_in_air(k, contact, now, state):
                 target.stance[k] = 0.0
                 target.phase[k] = self._swing(k, now.foothold[k], step)
                 motion[:, k] = self._foot[k]
@@ -344,12 +363,12 @@ class PlannedGait(Gait):
         target.foot_velocity[:] = motion[1] - velocity
         target.foot_acceleration[:] = motion[2] - now.acceleration
 
-    def _is_in_air(self, k: int, contact: bool, landing: float, state: State) -> bool:
+    def _is_in_air(self, k: int, contact: bool, now: PlannedMoment, state: State) -> bool:
         """Whether foot k swings; it begins to where the plan says so and leaves it the time."""
-        t = self._time
+        t, landing, foothold = self._time, float(now.landing[k]), now.foothold[k]
         if not contact:
             if not self._swings[k] and landing - t > SHORTEST:
-                self._swings[k], self._lifted[k] = True, t
+                self._swings[k], self._lifted[k], self._goal[k] = True, t, foothold
                 self._foot[k] = state.foot_position[k], np.zeros(3), np.zeros(3)
                 self._height[k] = float(state.foot_position[k, 2])
             self._lands[k] = landing
@@ -361,11 +380,12 @@ class PlannedGait(Gait):
         """Bring a foot in the air to the present time; returns the share of its swing."""
         lifted, lands = self._lifted[k], self._lands[k]
         step = min(step, self._time - lifted)
-        left, height = lands - self._time + step, float(foothold[2])
-        goal, apex = (
-            (*foothold[:2], height - WALK.penetration_offset),
-            max(self._height[k], height) + self.clearance,
-        )
+        left = lands - self._time + step
+        if left > SETTLED:
+            self._goal[k] = foothold
+        x, y, height = self._goal[k].tolist()
+        goal = x, y, height - WALK.penetration_offset
+        apex = max(self._height[k], height) + self.clearance
         rise = left - 0.5 * (lands - lifted)
         self._foot[k] = on_its_way(self._foot[k], goal, step, left, rise, apex)
         return min((self._time - lifted) / (lands - lifted), 1.0)

@@ -43,6 +43,8 @@ class Actuators:
         no_load_speed: at which a motor under full voltage has no torque left, at the joint, rad/s:
             the torque is at most stall (1 − ω/ω₀) along the speed ω, and stall (1 + ω/ω₀) against
             it. None: torques know no speed.
+        no_load_share: instead of that, for each joint of its own, as a share of the velocity limit
+            that the model gives it.
         stall_share: torque of a motor at rest under full voltage, as a share of the model's peak
             torque. None: 1.
     """
@@ -53,6 +55,7 @@ class Actuators:
     coulomb_friction: float = 0.0
     thrusters: Thrusters = field(default_factory=Thrusters)
     no_load_speed: float | None = None
+    no_load_share: float | None = None
     stall_share: float | None = None
 
     def __post_init__(self) -> None:
@@ -65,9 +68,18 @@ class Actuators:
                 )
             checks.keep(self, thrusters=Thrusters(**self.thrusters))
         checks.instance("actuators' thrusters", self.thrusters, Thrusters)
-        if self.stall_share is not None and self.no_load_speed is None:
+        told = (self.no_load_speed is not None) + (self.no_load_share is not None)
+        if told > 1:
             raise InputError(
-                "a stall_share needs a no_load_speed", name="stall_share", value=self.stall_share
+                "a no_load_speed and a no_load_share say the same",
+                name="no_load_share",
+                value=self.no_load_share,
+            )
+        if self.stall_share is not None and not told:
+            raise InputError(
+                "a stall_share needs a no_load_speed or a no_load_share",
+                name="stall_share",
+                value=self.stall_share,
             )
         for entry in fields(self):
             value = getattr(self, entry.name)
@@ -112,7 +124,7 @@ class MotorsRecord(RecordOf):
     rate: float  # 1 / time constant, 1/s; infinite without lag
     limit: Vector  # (joints,) largest torque, N·m
     stall: Vector  # (joints,) torque at rest under full voltage, N·m
-    no_load_speed: float  # rad/s; infinite where torques know no speed
+    no_load_speed: Vector  # (joints,) rad/s; infinite where torques know no speed
     torque: Vector = sized("joints")  # (joints,) at the end of the last step, N·m
     mean_torque: Vector = sized("joints")  # (joints,) over the last step, N·m
     settled: int = ZERO  # 0 before the first command
@@ -133,6 +145,7 @@ def motors_of(robot: Robot) -> dict[str, Any]:
     place, unbounded = ([getattr(joint, name) for joint in joints] for name in ("idx_q", "nq"))
     return {
         "peak": robot.torque_limit,
+        "fastest": np.array(robot.model.velocityLimit[6:]),
         "place": np.array(place),
         "unbounded": np.array(unbounded) - 1,
     }
@@ -141,21 +154,29 @@ def motors_of(robot: Robot) -> dict[str, Any]:
 def motors_record(
     actuators: Actuators,
     peak: Vector,
+    fastest: ArrayLike = math.inf,
     place: NDArray[np.int64] | None = None,
     unbounded: ArrayLike = 0,
 ) -> Records[MotorsRecord]:
-    """The motors, for kernels; ``peak`` are the model's peak torques (joints,), N·m, the rest as in
-    the record.
+    """The motors, for kernels.
+
+    ``peak`` are the model's peak torques (joints,), N·m, ``fastest`` its velocity limits, rad/s,
+    the rest as in the record.
     """
     joints, bandwidth, share = len(peak), actuators.bandwidth, actuators.torque_share
     place = np.arange(7, 7 + joints) if place is None else place
+    no_load = np.full(joints, math.inf)
+    if actuators.no_load_speed is not None:
+        no_load[:] = actuators.no_load_speed
+    elif actuators.no_load_share is not None:
+        no_load[:] = actuators.no_load_share * np.asarray(fastest)
     return make_record(
         MotorsRecord,
         {"joints": joints},
         rate=math.inf if bandwidth is None else 2.0 * math.pi * bandwidth,
         limit=np.full(joints, math.inf) if share is None else share * peak,
         stall=peak * (1.0 if actuators.stall_share is None else actuators.stall_share),
-        no_load_speed=math.inf if actuators.no_load_speed is None else actuators.no_load_speed,
+        no_load_speed=no_load,
         place=np.asarray(place, np.int64),
         unbounded=np.full(joints, unbounded, np.int64),
         peak=peak,
@@ -193,8 +214,8 @@ def drive_motors(m: MotorsRecord, command: Vector, q: Vector, v: Vector, dt: flo
             goal += m.law[2, j] * off + m.law[3, j] * (m.law[1, j] - v[6 + j])
             goal = min(max(goal, -m.peak[j]), m.peak[j])
         goal = min(max(goal, -m.limit[j]), m.limit[j])
-        if m.no_load_speed < np.inf:
-            share = v[6 + j] / m.no_load_speed
+        if m.no_load_speed[j] < np.inf:
+            share = v[6 + j] / m.no_load_speed[j]
             goal = min(max(goal, -m.stall[j] * (1.0 + share)), m.stall[j] * (1.0 - share))
         if m.settled == 0 or x == np.inf:
             m.torque[j] = m.mean_torque[j] = goal

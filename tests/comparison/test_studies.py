@@ -53,6 +53,7 @@ TINY: dict[str, dict[str, Any]] = {
     },
     "pushes": {"plants": ("compliant",)},
     "robots": {"robots": ("solo12", "solo8"), "duration": 1.0},
+    "speed": {"duration": 0.3},
     "slopes": {
         "degrees": (0.0, 30.0),
         "frictions": (0.1, 0.8),
@@ -67,7 +68,7 @@ TINY: dict[str, dict[str, Any]] = {
 """Settings of a look, with even less; the policy and the microcontrollers have tests of their
 own.
 """
-OF_ROBOTS = ("crossings", "pushes", "robots", "slopes", "walking")
+OF_ROBOTS = ("crossings", "pushes", "robots", "slopes", "speed", "walking")
 _found: dict[str, Rows] = {}
 
 

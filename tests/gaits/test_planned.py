@@ -266,6 +266,41 @@ def test_planner_that_stops_ends_in_a_stand(plant):
     assert run["q"][-1, 2] > 0.28
 
 
+@pytest.mark.parametrize("plant", QUICK_PLANTS)
+def test_planner_that_stops_at_1_m_s_walks_to_a_stand(plant):
+    """Wherever in the step its last plan ends."""
+    for after in (1.0, 1.06, 1.12, 1.18):
+        planner = Changed(Trot(go2(), (1.0, 0.0)), lambda plan, state: None, after)
+        run, _ = walk(planner, plant=plant, duration=4.0)
+        assert run.ending == "completed"
+        assert np.abs(run["v"][-1]).max() < 0.05
+
+
+def test_foot_that_lands_goes_where_it_is_going():
+    """A foothold that leaps to and fro by 10 cm, every 10 ms, asks for no large accelerations."""
+    robot, worst = go2(), 0.0
+    q, v = hp.Standing(robot).initial_state()
+    dynamics = hp.Dynamics(robot)
+    dynamics.update(q, v)
+    foot, times = dynamics.foot_position.copy(), np.array([0.0, 0.2, 0.4])
+    contact = [[0, 1, 1, 1], [1, 1, 1, 1], [1, 1, 1, 1]]
+
+    def leaps(state):
+        goal = foot + np.array([0.05 * (-1.0) ** round(100 * state.t), 0.0, 0.0])
+        return hp.Plan(times=times, position=q[:3], contact=contact, foothold=goal)
+
+    planner = Changed(None, None)
+    planner.plan = leaps
+    gait = hp.PlannedGait(robot, planner, rate=100)
+    for k in range(199):
+        gait.observe(hp.State(1e-3 * k, q, v, foot, np.zeros((4, 3)), np.zeros((4, 3))))
+        target = gait.update(1e-3 * k)
+        if k > 100:
+            worst = max(worst, float(np.abs(target.foot_acceleration[0, :2]).max()))
+    assert gait.refused == 0
+    assert worst < 500.0  # where it follows to the end: 4870 m/s²
+
+
 def broken(**changes):
     """Plans with other values of some arguments, by functions of the plan."""
 

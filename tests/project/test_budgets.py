@@ -18,11 +18,11 @@ import harpy_pin
 ROOT = Path(__file__).resolve().parents[2]
 CONTRIB = "harpy_pin/contrib/"
 STATEMENTS = {
-    "harpy_pin": 25_400,
-    CONTRIB: 5_000,
+    "harpy_pin": 25_450,
+    CONTRIB: 5_450,
     "reproduction": 2_100,
-    "comparison": 7_000,
-    "tests": 27_700,
+    "comparison": 7_080,
+    "tests": 28_100,
 }
 """Most statements of the Python files that Git tracks in a folder; ``harpy_pin`` is without
 contrib.
@@ -30,7 +30,7 @@ contrib.
 LONGEST_FILE = 350
 """Most statements of a file."""
 MOST_PUBLIC_NAMES = 73
-MOST_WORDS = 19_100
+MOST_WORDS = 19_310
 """Of prose in README, docs and notebooks, without tables, code, formulas and comments."""
 
 

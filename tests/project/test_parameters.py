@@ -115,7 +115,11 @@ BAD = {
             "coulomb_friction": (-0.1,),
             "viscous_friction": (math.nan,),
         },
-        **{"thrusters": ({"lag": -1.0}, {"lags": 0.1}, 0.1), "stall_share": (0.5,)},
+        **{
+            "thrusters": ({"lag": -1.0}, {"lags": 0.1}, 0.1),
+            "stall_share": (0.5,),
+            "no_load_share": (0.0, -1.0),
+        },
     },
     hp.Thrusters: {
         **{"lag": (-1.0, math.nan), "rate": (0.0,), "least": (-1.0,), "turning_lag": (math.inf,)},

@@ -166,3 +166,15 @@ def test_torque_falls_with_speed():
     np.testing.assert_allclose(motors["mean_torque"][0], [4.0, 3.0, 0.0, -2.0, 5.0, -5.0])
     drive_motors(motors[0], np.full(6, 0.5), np.zeros(13), v, 5e-4)
     np.testing.assert_allclose(motors["mean_torque"][0], [0.5, 0.5, 0.0, -2.0, 0.5, 0.5])
+
+
+def test_torque_falls_to_nothing_at_the_velocity_limit_of_each_joint():
+    fastest = np.array([10.0, 20.0, 10.0, 20.0, np.inf, 10.0])
+    actuators = Actuators(no_load_share=0.5, stall_share=2.0)
+    v = np.zeros(12)
+    v[6:] = [2.5, 2.5, 5.0, 10.0, 1e3, -4.0]
+    motors = motors_record(actuators, np.full(6, 8.0), fastest)
+    drive_motors(motors[0], np.full(6, 100.0), np.zeros(13), v, 5e-4)
+    np.testing.assert_allclose(motors["mean_torque"][0], [8.0, 12.0, 0.0, 0.0, 100.0, 28.8])
+    with pytest.raises(hp.InputError, match="say the same"):
+        Actuators(no_load_share=0.5, no_load_speed=3.0)

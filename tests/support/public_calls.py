@@ -42,7 +42,10 @@ PACKAGES = (
         ".simulation",
     ),
     *(".simulation.mujoco", ".view", ".wbc", ".wbc.condensed"),
-    *(f".contrib.{name}" for name in ("batch", "flight", "gym", "identify", "shield_batch")),
+    *(
+        f".contrib.{name}"
+        for name in ("batch", "flight", "gym", "identify", "preview", "shield_batch")
+    ),
 )
 OPERATORS = ("__call__", "__getitem__")
 """Methods with a name of Python's that users call."""
@@ -278,14 +281,16 @@ def values() -> dict[str, Any]:
                 "Standing.robot",
                 "WalkingGait.robot",
                 "PlannedGait.robot",
+                "contrib.preview.Preview.robot",
                 "scenario.Stand.robot",
                 "Walking.robot",
             ),
             solo,
         ),
         "PlannedGait.planner": Silent(),
-        "PlannedGait.state": hp.State(
-            0.0, *hp.Standing(solo).initial_state(), *np.zeros((3, 4, 3))
+        **dict.fromkeys(
+            ("PlannedGait.state", "contrib.preview.Preview.state"),
+            hp.State(0.0, *hp.Standing(solo).initial_state(), *np.zeros((3, 4, 3))),
         ),
         **{"Plan.times": (0.0, 1.0), "Plan.position": np.zeros(3), "Plan.contact": (1, 1)},
         **{"Plan.foothold": feet, "Plan.velocity": np.zeros(3), "Plan.force": feet},
@@ -340,6 +345,7 @@ MADE_BY_THE_LIBRARY = (
     *("model.CatalogueRobot", "model.KnownRobot", "wbc.AddedTask", "simulation.mujoco.Conventions"),
     "MujocoBridge",
     "gaits.PlannedMoment",
+    "contrib.preview.Pace",
 )
 """Classes whose objects users get and do not make."""
 BASES = (

@@ -225,6 +225,25 @@ class WalkingGait(FollowsVelocity):
         advance(float(t), self._record_, self.target._record_)
         return self.target
 
+    def _take_over(self, velocity: Vector, in_air: NDArray[np.bool_]) -> None:
+        """Begin anew at a time zero as a robot that goes: the first step begins at once, and the
+        velocity comes to the command from there.
+
+        Args:
+            velocity: (3,) forward and to the left, not zero, m/s, and turning, rad/s, in the frame
+                of the heading.
+            in_air: (feet,) whether each foot is in the air.
+        """
+        self.update(0.0)
+        r, groups = self._record_, int(self._record_["groups"][0])
+        if groups == 1:
+            return
+        speed = float(np.hypot(*velocity[:2]))
+        r["velocity"][0, :3] = min(1.0, self.max_speed / speed) * velocity
+        # It is at the end of the step before that in which those swing that are in the air
+        share = [in_air[r["group"][0] == group].mean() for group in range(groups)]
+        r["walking"], r["phase"], r["swings"] = 1, 1.0, (int(np.argmax(share)) - 1) % groups
+
     def calls(self, state: State) -> tuple[Call, ...] | None:
         """See :meth:`~harpy_pin.gaits.gait.Gait.calls`; Python takes a script's rows."""
         if type(self) is not WalkingGait or self._function is not None:
