@@ -235,14 +235,17 @@ class WalkingGait(FollowsVelocity):
             in_air: (feet,) whether each foot is in the air.
         """
         self.update(0.0)
-        r, groups = self._record_, int(self._record_["groups"][0])
+        pace, steps = self._record_["pace"], self._record_["steps"]
+        groups = int(pace["groups"][0])
         if groups == 1:
             return
         speed = float(np.hypot(*velocity[:2]))
-        r["velocity"][0, :3] = min(1.0, self.max_speed / speed) * velocity
+        applied = self._record_["planned"]["velocity"]
+        applied[0, :3] = min(1.0, self.max_speed / speed) * velocity
         # It is at the end of the step before that in which those swing that are in the air
-        share = [in_air[r["group"][0] == group].mean() for group in range(groups)]
-        r["walking"], r["phase"], r["swings"] = 1, 1.0, (int(np.argmax(share)) - 1) % groups
+        share = [in_air[pace["group"][0] == group].mean() for group in range(groups)]
+        steps["walking"], steps["phase"] = 1, 1.0
+        steps["swings"] = (int(np.argmax(share)) - 1) % groups
 
     def calls(self, state: State) -> tuple[Call, ...] | None:
         """See :meth:`~harpy_pin.gaits.gait.Gait.calls`; Python takes a script's rows."""
