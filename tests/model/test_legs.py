@@ -206,7 +206,8 @@ def test_the_condensed_optimum_of_any_legs_is_that_of_the_program(biped, joints,
     standing, inputs = hp.Standing(robot).initial_state()[0], np.empty(len(robot.joints))
     targets = WholeBodyTargets(robot)
     targets.force_range[:] = 0.5, 20.0 * mass
-    too_few = joints == FIVE and flat
+    too_few = joints == FIVE and flat  # then contacts yield: ρ times a large multiplier
+    size = 2e-5 if too_few else 1e-6
     for i in range(40):
         q, v = pin.integrate(robot.model, standing, 0.1 * rng.standard_normal(nv)), np.empty(nv)
         v[:] = 0.1 * rng.standard_normal(nv)
@@ -221,7 +222,7 @@ def test_the_condensed_optimum_of_any_legs_is_that_of_the_program(biped, joints,
         problem.build(dynamics, v, dynamics.rotation, targets)
         assert solver.solve(problem.program).usable
         problem.inputs(solver.solution.z, inputs)
-        np.testing.assert_allclose(found, inputs, rtol=0.0, atol=1e-6 * np.abs(inputs).max())
+        np.testing.assert_allclose(found, inputs, rtol=0.0, atol=size * np.abs(inputs).max())
         assert law.status == CondensedStatus.OPTIMAL
         assert (limits.pyramid @ law.force[targets.held > 0.0].T >= -1e-9).all()
 

@@ -466,9 +466,3 @@ def test_rows_that_change_are_refused_in_the_tick():
     task.now = (np.zeros((1, 12)), np.array([np.inf]))
     with pytest.raises(hp.InputError, match="rows of Given must be finite"):
         controller.step(state)
-
-
-def test_condensed_controller_says_that_it_takes_none():
-    controller = hp.make_controller("condensed", hp.make_gait(ROBOT), mu=0.4)
-    with pytest.raises(hp.InputError, match="no place for added tasks"):
-        controller.add(hp.FrameTask("left_knee"), weight=1.0)
