@@ -35,7 +35,7 @@ from harpy_pin.wbc.targets import ProblemRecord, TargetsRecord, root_acceleratio
 
 ORIGIN = ByPrecision(1e-8, single=1e-4)
 """Share of its weight that the task of the body's origin keeps where the centre of mass has one."""
-COMPLIANCE = 1e-9
+COMPLIANCE = ByPrecision(1e-9, single=1e-4)
 """ρ of contacts: (m/s²) per unit of their multiplier."""
 
 
