@@ -40,8 +40,8 @@ class GaitController(KeepsViews, ABC):
     command.
 
     Args:
-        gait: where body and feet should be; the controller takes its own copy of a library's gait,
-            with targets of its own, so that one gait may serve several controllers.
+        gait: where body and feet should be. Of one that never changes the controller takes a copy
+            with targets of its own; every other gait serves one controller.
         period: time between ticks, s.
 
     Attributes:

@@ -49,8 +49,8 @@ class GovernedController(GaitController):
     integrals nor references.
 
     Args:
-        gait: where body and feet should be; the controller takes its own copy of a library's gait,
-            with targets of its own, so that one gait may serve several controllers.
+        gait: where body and feet should be. Of one that never changes the controller takes a copy
+            with targets of its own; every other gait serves one controller.
         governor: changes the body's reference for the thrusters; None applies it as it is.
         parameters: gains and switches.
         force_filter: changes the thrusts and joint torques that follow, for the contact forces of

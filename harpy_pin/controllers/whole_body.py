@@ -77,8 +77,8 @@ class WholeBodyController(TaskController):
     :class:`~harpy_pin.controllers.gait_controller.GaitController` answers: nothing is solved.
 
     Args:
-        gait: where body and feet should be; the controller takes its own copy of a library's gait,
-            with targets of its own, so that one gait may serve several controllers.
+        gait: where body and feet should be. Of one that never changes the controller takes a copy
+            with targets of its own; every other gait serves one controller.
         parameters: gains, weights and limits; by default those that fit gait and robot
             (:meth:`WholeBodyParameters.for_gait`).
         solver: makes a solver of your own for the program, instead of the one that the parameters
