@@ -129,8 +129,7 @@ class CondensedBatch(KeepsViews):
             a bad state.
 
     Raises:
-        InputError: n is no positive integer, the type is another one, or the robot is of another
-            kind.
+        InputError: n is no positive integer, the type is another one, or a foot is on the base.
     """
 
     n = property(attrgetter("_n"))

@@ -1,6 +1,4 @@
-"""The condensed whole-body controller: gait → tasks → program in the contact forces, in one
-compiled call.
-"""
+"""The condensed whole-body controller: gait, tasks and optimum in one compiled call."""
 
 from __future__ import annotations
 
@@ -26,7 +24,7 @@ from harpy_pin.wbc.condensed.task_memory import AnyTask, adopt_tasks, known_task
 
 
 class CondensedController(TaskController):
-    """Walks by the optimum in contact forces; the tasks are those of :class:`WholeBodyController`.
+    """Walks by the optimum in six unknowns; its tasks are those of :class:`WholeBodyController`.
 
     A tick, :meth:`~harpy_pin.controllers.gait_controller.GaitController.step`, calls the gait's
     kernels and then :func:`~harpy_pin.controllers.condensed_tick.condensed_step`: terms of the

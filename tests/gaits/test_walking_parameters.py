@@ -40,7 +40,7 @@ FACTORS = st.dictionaries(st.sampled_from(sorted(DEFAULTS)), st.floats(0.8, 1.2)
 
 
 def heights(gait, duration=1.2, h=1e-3):
-    """World heights of a foot's targets in a walk on the spot whose feet are loaded as they swing."""
+    """World heights of the feet's targets in a walk; feet are loaded while none swings."""
     gait.command[:3] = 0.1, 0.0, 0.0
     loaded, free, found = made_state(gait, force=30.0), made_state(gait), []
     for tick in range(round(duration / h)):

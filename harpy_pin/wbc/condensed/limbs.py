@@ -16,8 +16,8 @@ In the root's equations M_r a + n_r = y the limb leaves
     M_rr + Σ M_rk T_k,    n_r + Σ M_rk ā_k,    Σ M_rk J_kl⁺ δ_k,    δ_k = −(M_rk J_kl⁺)ᵀ λ / w
 
 that is, with z = [λ; 1] of :mod:`~harpy_pin.wbc.condensed.elimination`, additions to the rows X of
-the root and to Φ. So it costs a third of what contact rows do, and nothing cancels in single
-precision. A row x a of a limit is eliminated in the same way.
+the root and to Φ. Nothing cancels in single precision, as contact rows beside the small
+weight of a leg's posture would. A row x a of a limit is eliminated in the same way.
 """
 
 from __future__ import annotations
