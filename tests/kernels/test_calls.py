@@ -254,7 +254,7 @@ def test_no_reference_is_lost_or_kept():
     gc.collect()
     before = [sys.getrefcount(one) for one in watched]
     tracemalloc.start()
-    calls(10)
+    calls(3000)  # what Python keeps of tracebacks is full then
     base = tracemalloc.get_traced_memory()[0]
     calls(3000)
     gc.collect()
@@ -264,7 +264,7 @@ def test_no_reference_is_lost_or_kept():
     assert all(abs(b - c) < 50 for b, c in zip(before, after, strict=True)), list(
         zip(before, after, strict=True)
     )
-    assert grown < 50_000
+    assert grown < 30_000
 
 
 def test_other_threads_go_on_meanwhile():
