@@ -31,7 +31,6 @@ from harpy_pin.contrib.drift import off
 from harpy_pin.errors import ControlError
 from harpy_pin.estimation import Estimator, Imu
 from harpy_pin.model.state import Vector
-from harpy_pin.model.tree import feet_moved
 from harpy_pin.simulation.mujoco.conventions import import_mujoco
 from harpy_pin.simulation.sensing import Sensing
 from harpy_pin.simulation.sensors import Sensors
@@ -69,26 +68,29 @@ many seconds.
 
 @dataclass(frozen=True, kw_only=True)
 class Contender:
-    """What walks."""
+    """What walks.
 
-    controller: str = (
-        "condensed"  # condensed, wbc, joint_pd, policy; or stand, the condensed WBC that stands
-    )
-    known: tuple[str, ...] = ()  # what it knows of the joints
-    law: tuple[float, float] = (
-        0.0,
-        0.0,
-    )  # stiffness and damping of the motors about the WBCs' joint targets
-    learning: float = (
-        1.0  # rate at which the WBCs learn what joints lack whose targets motors hold, 1/s
-    )
-    contact_damping: float | None = None  # of the WBCs, 1/s; None for the gait's
-    round: bool = True  # whether it is told that feet are spheres: the ground is one radius lower
-    estimate: bool = False  # whether it estimates the friction in the joints
-    identified: bool = False  # whether it knows of the joints what a log of the hung-up robot says
-    sensed: bool = (
-        False  # whether it knows only what an inertial unit, encoders and motor torques say
-    )
+    Attributes:
+        controller: condensed, wbc, joint_pd, policy; or stand, the condensed WBC that stands.
+        known: what it knows of the joints.
+        law: stiffness and damping of the motors about the WBCs' joint targets.
+        learning: rate at which the WBCs learn what joints lack whose targets motors hold, 1/s.
+        contact_damping: of the WBCs, 1/s; None for the gait's.
+        round: whether it is told that feet are spheres: the ground is one radius lower.
+        estimate: whether it estimates the friction in the joints.
+        identified: whether it knows of the joints what a log of the hung-up robot says.
+        sensed: whether it knows only what an inertial unit, encoders and motor torques say.
+    """
+
+    controller: str = "condensed"
+    known: tuple[str, ...] = ()
+    law: tuple[float, float] = (0.0, 0.0)
+    learning: float = 1.0
+    contact_damping: float | None = None
+    round: bool = True
+    estimate: bool = False
+    identified: bool = False
+    sensed: bool = False
 
 
 _LAW: dict[str, Any] = {"law": LAW, "contact_damping": LAW_CONTACT_DAMPING}
@@ -107,15 +109,8 @@ WALKERS = {
     STANDS: Contender(controller="stand", known=JOINTS, **_LAW),
 }
 """By name; those without another one are the condensed WBC, and ``QP`` is the whole-body QP by own
-search, which stands in for it where legs share joints.
+search.
 """
-
-
-def shares_joints(robot: Robot) -> bool:
-    """Whether joints such as a waist are between the base and several feet, which the condensed WBC
-    refuses.
-    """
-    return max(feet_moved(robot.model, robot.feet)[2:]) > 1
 
 
 class MotorPD:
@@ -180,13 +175,13 @@ class Walker:
                 zip(("joint_stiffness", "joint_damping"), who.law, strict=True)
             )
             how |= {} if who.contact_damping is None else {"contact_damping": who.contact_damping}
-            kind = "wbc" if who.controller == "wbc" or shares_joints(robot) else "condensed"
             how |= {
                 "joint_learning": who.learning,
                 "estimate_joint_friction": who.estimate,
                 "mu": friction,
                 "period": period,
             }
+            kind = "wbc" if who.controller == "wbc" else "condensed"
             how |= {"solver": "active_set"} if kind == "wbc" else {}
             self.controller = make_controller(kind, self.gait, **how)
         late = -int(-DELAY // period)
