@@ -370,6 +370,7 @@ def _record(
         borne=1.0,
         up=1.0,
         turning=0.0,
+        turned=0.0,
         unread=0.0,
         unlike=0.0,
         contested=0.0,

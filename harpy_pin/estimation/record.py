@@ -129,8 +129,8 @@ class EstimatorRecord(RecordOf):
     astray: int = (
         ZERO  # 1 while readings have been implausible, and the estimate has not begun anew since
     )
-    # mean square speed of loaded feet against each other that only the gyroscope sees, m²/s²
-    turning: float
+    turning: float  # mean square speed of loaded feet that only the gyroscope sees, m²/s²
+    turned: float  # time for which it counts as contradicting the legs, s
     unread: float  # time since the joints were read, s
     read: Vector = sized(2, "joints")  # angles and velocities as they were then, rad and rad/s
     # changes of the angles less those by the velocities, over some tenths of a second, rad
