@@ -56,17 +56,23 @@ BORNE = 0.5
 it in walks, and 0.77 in jumps.
 """
 TURNS, TURNS_TIME = 0.03, 0.1
-"""Rms speed of loaded feet that comes from the gyroscope alone, m/s, over this time, s; with a good
-one its square stays below zero in all walks.
+"""Rms speed of loaded feet that the gyroscope alone gives them, m/s, over this time, s: their
+velocities, or those against each other, are at least half without it. A good one stays below zero.
 """
+TURNS_WITHIN = (-0.05, 1.0)
+"""Squares of it that one step may add, m²/s²: no good past hides a fault for long."""
+DOUBTED = 0.5
+"""Time for which that is said, s."""
 FLIGHT = 1.0
 """Time without a foothold from which on it is said, s. Jumps of 0.3 m last 0.8 s with thrusters."""
 KNOWN = 0.025
 """Standard deviation of the velocity up to which an estimate is good, m/s: with probability 0.95
 within 5 cm/s.
 """
-SETTLES = 0.2
-"""Time after new footholds for which feet may still be wrongly in contact, s."""
+SETTLES, ANEW_SETTLES = 0.2, 0.6
+"""Time after new footholds for which feet may still be wrongly in contact, and after a new begin in
+a walk for which the tilt may be wrong, s.
+"""
 MISMATCH, MISMATCH_TIME = 0.2, 0.5
 """Difference between the changes of a joint's angle and those by its velocity, rad, over this time,
 s, from which on joints are not read, for as long again.
@@ -146,19 +152,33 @@ def believe_feet(e: EstimatorRecord) -> None:
     agree = (on == 0.0) | (np.max(abs(own - mean), axis=1) < AGREE)
     least = 1.0 if astray else 2.0
     lost = np.all(agree & (astray | (c.probability < LIKELY))) and count >= least
-    still = e.local_speed + f.rotation.T @ f.velocity
-    square = np.sum(e.dynamics.foot_velocity**2, axis=1) - 4.0 * np.sum(still**2, axis=1)
-    spread = min(max(on @ square / loaded, -0.05), 1.0)
-    e.turning += min(f.period / TURNS_TIME, 1.0) * (spread - e.turning)
-    e.turned = AVERAGE if e.turning > TURNS * TURNS else max(e.turned - f.period, 0.0)
+    _judge_gyroscope(e, on / loaded, own)
     e.lost = e.lost + f.period if lost else 0.0
     if e.lost >= LOST:
         if not wrong:
             level(e)
             e.astray = 0
         _begin_anew(e, mean)
-        e.lost, e.settling = 0.0, SETTLES
+        e.lost, e.settling = 0.0, ANEW_SETTLES
         e.contested, f.innovation = 0.0, EXPECTED
+
+
+@kernel
+def _judge_gyroscope(e: EstimatorRecord, share: Vector, own: Vector) -> None:
+    """Whether loaded feet move that stand without what the gyroscope says, or against each other.
+
+    ``share`` (feet,) of each in the mean; ``own`` (feet, 3), m/s, velocities of the inertial unit
+    if the feet stand, body axes.
+    """
+    f = e.filter
+    velocity = f.rotation.T @ f.velocity
+    fast, slow = own - velocity, e.local_speed + velocity
+    square = share @ (np.sum(fast**2, axis=1) - 4.0 * np.sum(slow**2, axis=1))
+    fast_mean, slow_mean = share @ fast, share @ slow
+    common = fast_mean @ fast_mean - 4.0 * slow_mean @ slow_mean
+    spread = min(max(square - min(common, 0.0), TURNS_WITHIN[0]), TURNS_WITHIN[1])
+    e.turning += min(f.period / TURNS_TIME, 1.0) * (spread - e.turning)
+    e.turned = DOUBTED if e.turning > TURNS * TURNS else max(e.turned - f.period, 0.0)
 
 
 @kernel

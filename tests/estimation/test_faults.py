@@ -401,7 +401,7 @@ IN_A_WALK = {name: IMPLAUSIBLE[name][:2] for name in IMPLAUSIBLE} | {
     "opposite velocities": (scaled(-1.0, "joint_velocity"), DISAGREE),
     "opposite torque": (opposite_torque, ""),
 }
-del IN_A_WALK["ks"], IN_A_WALK["degrees"]
+del IN_A_WALK["ks"]
 
 
 @pytest.mark.parametrize("fault", IN_A_WALK)
@@ -424,6 +424,26 @@ def test_a_fault_in_a_walk_is_said_soon(walks, name, fault):
     assert lies.sum() < LATE
     assert not status or status in said[1500:3000]
     assert np.mean(np.array(said[2500:3000]) == "good") < 0.5
+
+
+@pytest.mark.parametrize("begin", [1000, 1500, 2000, 2500])
+@pytest.mark.parametrize("name", ["harpy", "go2", "g1"])
+def test_degrees_per_second_are_said_as_soon_as_they_hurt(walks, name, begin):
+    """In any phase of a walk, on one foot, too, within 20 ticks; and never before."""
+    robot = hp.load_harpy() if name == "harpy" else hp.load_robot(name)
+    estimator, said, errors = hp.Estimator(robot), [], []
+    estimator.reset(*walks[name][0][2:])
+    for n, (readings, plan, _, v) in enumerate(walks[name][: begin + 1000]):
+        given = copy.deepcopy(readings)
+        if n >= begin:
+            in_degrees(given, n)
+        state = estimator.step(given, plan)
+        said.append(estimator.status)
+        errors.append(np.linalg.norm(state.v[:3] - v[:3]))
+    said, wrong = np.array(said), np.array(errors) > WRONG
+    assert (said[:begin] == "good").all()
+    assert (wrong & (said == "good")).sum() < 20
+    assert "gyroscope contradicts the legs" in said[wrong]
 
 
 @pytest.mark.parametrize(
