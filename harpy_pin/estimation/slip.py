@@ -26,8 +26,10 @@ FADES, CORRELATED = 0.008, 0.02
 """Time constant with which a skid fades, s, and twice that over which its velocity stays the
 same.
 """
-SKID_TIME, MOST_SKID = 0.3, 0.25
-"""Time constant of the mean of skids, s of landings, and the largest of them, m²/s²."""
+SKID_TIME, LEAST_SKID, MOST_SKID = 0.3, 9e-4, 0.25
+"""Time constant of the mean of skids, s of landings; their largest square, m²/s², and that below
+which they are noise of encoders and estimate.
+"""
 EVERY = 0.008
 """Time between two samples of all this, s."""
 FORGOTTEN = 10.0
@@ -113,5 +115,5 @@ def looseness(e: EstimatorRecord, k: int) -> float:
     c, density = e.contact, e.filter.foothold_density
     if c.since[k] > 8.0 * FADES:
         return float(1.0 / c.probability[k])
-    skid = CORRELATED * c.skid * np.exp(-c.since[k] / FADES)
+    skid = CORRELATED * max(c.skid - LEAST_SKID, 0.0) * np.exp(-c.since[k] / FADES)
     return float(np.sqrt(1.0 + skid / (density * density)) / c.probability[k])
