@@ -7,8 +7,8 @@ is its foothold. With gyroscope ω and accelerometer a,
 
     Ṙ = R [ω − b_g]×,   v̇ = R (a − b_a) + g,   ṗ = v,   ṙ_k = −v + u_k,
 
-u_k is the velocity of the centre of a round foot that rolls, zero for a point. Errors are
-right-invariant:
+u_k is the velocity of the centre of a foot that rolls or creeps, zero for a point that stands.
+Errors are right-invariant:
 
     R̂ = exp([ξ_R]×) R,   ξ_v = v̂ − exp([ξ_R]×) v,   ξ_k = r̂_k − exp([ξ_R]×) r_k,
     ζ_p = p̂ − p,   ζ_g = b̂_g − b_g,   ζ_a = b̂_a − b_a.
@@ -67,7 +67,8 @@ def predict(
 ) -> None:
     """Go on by a period with the inertial unit's sample (body axes, biases taken off).
 
-    ``rolling`` (feet, 3) are the velocities of the centres of round feet in stance, m/s.
+    ``rolling`` (feet, 3) are the velocities of the centres of feet in stance that roll or creep,
+    m/s.
     """
     _predict_covariance(f)
     t, half = f.period, exp(0.5 * f.period * angular_velocity)

@@ -55,18 +55,24 @@ BORNE = 0.5
 """Share of the weight that feet and thrusters bear in the mean at least; they bear 0.98 to 1.03 of
 it in walks, and 0.77 in jumps.
 """
-TURNS = 0.03
-"""Speed at which loaded feet move against each other by the gyroscope alone, m/s; a good one stays
-below zero.
+TURNS, TURNS_TIME = 0.03, 0.1
+"""Rms speed of loaded feet that the gyroscope alone gives them, m/s, over this time, s: their
+velocities, or those against each other, are at least half without it. A good one stays below zero.
 """
+TURNS_WITHIN = (-0.05, 1.0)
+"""Squares of it that one step may add, m²/s²: no good past hides a fault for long."""
+DOUBTED = 0.5
+"""Time for which that is said, s."""
 FLIGHT = 1.0
 """Time without a foothold from which on it is said, s. Jumps of 0.3 m last 0.8 s with thrusters."""
 KNOWN = 0.025
 """Standard deviation of the velocity up to which an estimate is good, m/s: with probability 0.95
 within 5 cm/s.
 """
-SETTLES = 0.2
-"""Time after new footholds for which feet may still be wrongly in contact, s."""
+SETTLES, ANEW_SETTLES = 0.2, 0.6
+"""Time after new footholds for which feet may still be wrongly in contact, and after a new begin in
+a walk for which the tilt may be wrong, s.
+"""
 MISMATCH, MISMATCH_TIME = 0.2, 0.5
 """Difference between the changes of a joint's angle and those by its velocity, rad, over this time,
 s, from which on joints are not read, for as long again.
@@ -133,32 +139,46 @@ def believe_feet(e: EstimatorRecord) -> None:
     correct it. It also begins anew once readings are plausible again that were not, and whose
     biases and tilt were wrong.
     """
-    c, own = e.contact, np.empty((e.local_foot.shape[0], 6))
+    c, f = e.contact, e.filter
     wrong = WEIGHTLESS <= e.status <= ENCODERS
     e.astray = 1 if wrong else e.astray
     if LIGHT < e.gravity < HEAVY and e.borne > BORNE and e.up < UPRIGHT:
         level(e)
     on, astray = np.where(c.loaded != 0, 1.0, 0.0), e.astray != 0 and not wrong
-    own[:, :3] = np.cross(e.local_foot, e.angular_velocity) - e.local_speed
-    own[:, 3:] = e.local_speed
-    loaded = max(np.sum(on), 1.0)
+    own = np.cross(e.local_foot, e.angular_velocity) - e.local_speed
+    count = np.sum(on)
+    loaded = max(count, 1.0)
     mean = on @ own / loaded
-    off = own - mean
-    agree = (on == 0.0) | (np.max(abs(off[:, :3]), axis=1) < AGREE)
-    lost = np.all(agree & (astray | (c.probability < LIKELY))) and loaded > 1.0
-    square = np.sum(off[:, :3] ** 2, axis=1) - 4.0 * np.sum(off[:, 3:] ** 2, axis=1)
-    spread = on @ square / loaded
-    if loaded > 1.0:
-        e.turning += min(e.period / AVERAGE, 1.0) * (max(spread, -1.0) - e.turning)
-        e.turning = min(e.turning, 4.0 * TURNS * TURNS)  # forgotten within two seconds
-    e.lost = e.lost + e.filter.period if lost else 0.0
+    agree = (on == 0.0) | (np.max(abs(own - mean), axis=1) < AGREE)
+    least = 1.0 if astray else 2.0
+    lost = np.all(agree & (astray | (c.probability < LIKELY))) and count >= least
+    _judge_gyroscope(e, on / loaded, own)
+    e.lost = e.lost + f.period if lost else 0.0
     if e.lost >= LOST:
         if not wrong:
             level(e)
             e.astray = 0
-        _begin_anew(e, mean[:3])
-        e.lost, e.settling = 0.0, SETTLES
-        e.contested, e.filter.innovation = 0.0, EXPECTED
+        _begin_anew(e, mean)
+        e.lost, e.settling = 0.0, ANEW_SETTLES
+        e.contested, f.innovation = 0.0, EXPECTED
+
+
+@kernel
+def _judge_gyroscope(e: EstimatorRecord, share: Vector, own: Vector) -> None:
+    """Whether loaded feet move that stand without what the gyroscope says, or against each other.
+
+    ``share`` (feet,) of each in the mean; ``own`` (feet, 3), m/s, velocities of the inertial unit
+    if the feet stand, body axes.
+    """
+    f = e.filter
+    velocity = f.rotation.T @ f.velocity
+    fast, slow = own - velocity, e.local_speed + velocity
+    square = share @ (np.sum(fast**2, axis=1) - 4.0 * np.sum(slow**2, axis=1))
+    fast_mean, slow_mean = share @ fast, share @ slow
+    common = fast_mean @ fast_mean - 4.0 * slow_mean @ slow_mean
+    spread = min(max(square - min(common, 0.0), TURNS_WITHIN[0]), TURNS_WITHIN[1])
+    e.turning += min(f.period / TURNS_TIME, 1.0) * (spread - e.turning)
+    e.turned = DOUBTED if e.turning > TURNS * TURNS else max(e.turned - f.period, 0.0)
 
 
 @kernel
@@ -201,7 +221,7 @@ def judge(e: EstimatorRecord, good: bool, periods: float) -> int:
     f = e.filter
     if not BORNE < e.borne < BORNE + f.held.shape[0]:
         return UNLOADED
-    if e.turning > TURNS * TURNS:
+    if e.turned > 0.0:
         return TURNING
     consistent = e.contested == 0.0 and e.lost == 0.0 and e.astray == 0 and e.up > UPRIGHT
     unsure = e.loose > FLIGHT or e.settling > 0.0

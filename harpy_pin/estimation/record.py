@@ -83,6 +83,13 @@ class ContactRecord(RecordOf):
     )  # armature, damping, dry friction that the model lacks: kg m², N·m·s/rad, N·m
     force: Vector = sized("feet", 3)  # of the ground on each foot, world, N
     probability: Vector = sized("feet")  # of contact
+    since: Vector = sized("feet")  # for how long each foot has been in contact, s
+    unlearned: float  # time since the last sample of what follows, s
+    skid: float  # mean square speed of feet that land, m²/s²
+    # sums of the products of tangential force, rolling and slip
+    slips: Vector = sized(5)
+    creep: float  # speed of a foot that a tangential force of the weight pulls, m/s
+    sunk: float  # share of the radius of round feet that soft ground takes
     share: Vector = sized("feet")  # of the force that is believed
     loaded: NDArray[np.int64] = sized(
         "feet", whole=True
@@ -129,8 +136,8 @@ class EstimatorRecord(RecordOf):
     astray: int = (
         ZERO  # 1 while readings have been implausible, and the estimate has not begun anew since
     )
-    # mean square speed of loaded feet against each other that only the gyroscope sees, m²/s²
-    turning: float
+    turning: float  # mean square speed of loaded feet that only the gyroscope sees, m²/s²
+    turned: float  # time for which it counts as contradicting the legs, s
     unread: float  # time since the joints were read, s
     read: Vector = sized(2, "joints")  # angles and velocities as they were then, rad and rad/s
     # changes of the angles less those by the velocities, over some tenths of a second, rad
@@ -151,5 +158,6 @@ class EstimatorRecord(RecordOf):
     foot_position: Vector = sized("feet", 3)
     foot_velocity: Vector = sized("feet", 3)
     foot_force: Vector = sized("feet", 3)
+    rolling: Vector = sized("feet", 3)  # velocities of the centres of feet that stand, world, m/s
     local_foot: Vector = sized("feet", 3)  # less the inertial unit, body axes, m
     local_speed: Vector = sized("feet", 3)  # against the body, body axes, m/s

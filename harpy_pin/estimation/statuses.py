@@ -49,9 +49,8 @@ EXPLANATIONS = {
     "is "
     "carried or lies, or torques or foot sensors are wrong; the velocity's standard deviation is "
     "{deviation:.2g} m/s",
-    status.TURNING: "by the gyroscope feet that stand move against each other, by the encoders "
-    "they "
-    "do not; it must be in rad/s, and may be in degrees per second",
+    status.TURNING: "by the gyroscope feet move that stand without it; it must be in rad/s, and "
+    "may be in degrees per second",
     status.ENCODERS: "angles of joints change otherwise than their velocities say, by more than "
     "{mismatch:g} rad in half a second, and are not used; encoders are stuck, or one of the two is "
     "in degrees or has another sign",

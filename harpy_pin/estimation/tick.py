@@ -25,6 +25,7 @@ from harpy_pin.estimation.plausibility import (
     BAD_TARGET,
     CONTESTED,
     EXPECTED,
+    GOOD,
     INCONSISTENCY,
     LIGHT,
     NO_SAMPLE,
@@ -39,6 +40,7 @@ from harpy_pin.estimation.plausibility import (
     weigh,
 )
 from harpy_pin.estimation.record import EstimatorRecord
+from harpy_pin.estimation.slip import learn_slip, looseness, roll_and_creep
 from harpy_pin.kernels import kernel
 from harpy_pin.model.entry import HOLD_TICKS, all_possible
 from harpy_pin.model.state import Vector
@@ -230,23 +232,12 @@ def _predict(e: EstimatorRecord, share: float) -> None:
     """Go on by a period, with the sample at that share of the way from the last one to the new
     one.
     """
-    f, back, rolling = e.filter, 1.0 - share, np.zeros((e.foot_velocity.shape[0], 3))
+    f, back = e.filter, 1.0 - share
     w = e.raw_angular_velocity + back * (e.before[:3] - e.raw_angular_velocity)
     a = e.raw_acceleration + back * (e.before[3:] - e.raw_acceleration)
     e.angular_velocity[:] = w - f.gyroscope_bias
-    for k in range(e.foot_radius.shape[0]):
-        if e.foot_radius[k] > 0.0 and f.held[k] != 0:
-            _roll(e, k, rolling[k])
-    predict(f, e.angular_velocity, a - f.accelerometer_bias, rolling)
-
-
-@kernel
-def _roll(e: EstimatorRecord, k: int, out: Vector) -> None:
-    """Velocity of the centre of a round foot that rolls on the level: ω × (0, 0, radius), world
-    axes.
-    """
-    w = e.filter.rotation @ e.dynamics.tree.twist[e.dynamics.body[k], 3:]
-    out[0], out[1] = e.foot_radius[k] * w[1], -e.foot_radius[k] * w[0]
+    roll_and_creep(e)
+    predict(f, e.angular_velocity, a - f.accelerometer_bias, e.rolling)
 
 
 @kernel
@@ -311,16 +302,19 @@ def _use_feet(e: EstimatorRecord) -> None:
     f, c, noise = e.filter, e.contact, np.empty((3, 3))
     _local_feet(e)
     believe_feet(e)
+    if e.status == GOOD:
+        learn_slip(e)
     e.loose += f.period
     for k in range(f.held.shape[0]):
         if f.held[k] != 0 and (c.probability[k] < LIKELY or e.unread > SWING):
             leave(f, k)
+        c.since[k] = c.since[k] + f.period if c.probability[k] >= LIKELY else 0.0
         if c.probability[k] >= LIKELY:
             e.loose = 0.0
             _kinematic_noise(e, k, noise)
             place = e.local_foot[k]
             if f.held[k] != 0:
-                slide(f, k, 1.0 / c.probability[k])
+                slide(f, k, looseness(e, k))
                 if not take_kinematics(f, k, place, noise):
                     touch_down(f, k, place, noise)
             else:

@@ -401,7 +401,23 @@ IN_A_WALK = {name: IMPLAUSIBLE[name][:2] for name in IMPLAUSIBLE} | {
     "opposite velocities": (scaled(-1.0, "joint_velocity"), DISAGREE),
     "opposite torque": (opposite_torque, ""),
 }
-del IN_A_WALK["ks"], IN_A_WALK["degrees"]
+del IN_A_WALK["ks"]
+
+
+def spoilt_walk(ticks, name, spoil, begin, end):
+    """What is said of a walk with a fault between two ticks, and whether the velocity is wrong."""
+    robot = hp.load_harpy() if name == "harpy" else hp.load_robot(name)
+    estimator, said, errors = hp.Estimator(robot), [], []
+    estimator.reset(*ticks[0][2:])
+    for n, (readings, plan, _, v) in enumerate(ticks):
+        given = copy.deepcopy(readings)
+        if begin <= n < end:
+            spoil(given, n)
+        state = estimator.step(given, plan)
+        assert np.isfinite([*state.q, *state.v]).all()
+        said.append(estimator.status)
+        errors.append(np.linalg.norm(state.v[:3] - v[:3]))
+    return np.array(said), np.array(errors) > WRONG
 
 
 @pytest.mark.parametrize("fault", IN_A_WALK)
@@ -409,21 +425,20 @@ del IN_A_WALK["ks"], IN_A_WALK["degrees"]
 def test_a_fault_in_a_walk_is_said_soon(walks, name, fault):
     """For 1.5 s of a walk."""
     spoil, status = IN_A_WALK[fault]
-    robot = hp.load_harpy() if name == "harpy" else hp.load_robot(name)
-    estimator, said, errors = hp.Estimator(robot), [], []
-    estimator.reset(*walks[name][0][2:])
-    for n, (readings, plan, _, v) in enumerate(walks[name]):
-        given = copy.deepcopy(readings)
-        if 1500 <= n < 3000:
-            spoil(given, n)
-        state = estimator.step(given, plan)
-        assert np.isfinite([*state.q, *state.v]).all()
-        said.append(estimator.status)
-        errors.append(np.linalg.norm(state.v[:3] - v[:3]))
-    lies = (np.array(errors) > WRONG) & (np.array(said) == "good")
-    assert lies.sum() < LATE
+    said, wrong = spoilt_walk(walks[name], name, spoil, 1500, 3000)
+    assert (wrong & (said == "good")).sum() < LATE
     assert not status or status in said[1500:3000]
-    assert np.mean(np.array(said[2500:3000]) == "good") < 0.5
+    assert np.mean(said[2500:3000] == "good") < 0.5
+
+
+@pytest.mark.parametrize("begin", [1000, 1500, 2000, 2500])
+@pytest.mark.parametrize("name", ["harpy", "go2", "g1"])
+def test_degrees_per_second_are_said_as_soon_as_they_hurt(walks, name, begin):
+    """In any phase of a walk, on one foot, too, within 20 ticks; and never before."""
+    said, wrong = spoilt_walk(walks[name][: begin + 1000], name, in_degrees, begin, begin + 1000)
+    assert (said[:begin] == "good").all()
+    assert (wrong & (said == "good")).sum() < 20
+    assert "gyroscope contradicts the legs" in said[wrong]
 
 
 @pytest.mark.parametrize(
