@@ -2,8 +2,6 @@
 the other.
 """
 
-from __future__ import annotations
-
 import hashlib
 import multiprocessing
 import os

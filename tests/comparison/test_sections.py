@@ -2,8 +2,6 @@
 time is judged.
 """
 
-from __future__ import annotations
-
 from importlib.metadata import PackageNotFoundError
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Logs of one's own robot: in and out of files, and what is wrong with them."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from needs import needs_robots

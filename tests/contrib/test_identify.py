@@ -1,7 +1,5 @@
 """Joints identified from logs that MuJoCo made, and what is said of logs that are wrong."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

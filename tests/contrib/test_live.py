@@ -2,8 +2,6 @@
 Chromium.
 """
 
-from __future__ import annotations
-
 import io
 import json
 import signal

@@ -1,7 +1,5 @@
 """What a page may send for its controls, and where its camera is put."""
 
-from __future__ import annotations
-
 import multiprocessing
 import time
 from collections.abc import Callable, Iterator

@@ -1,7 +1,5 @@
 """Live: robots other than Harpy. The session by a made-up clock, and its log."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -2,8 +2,6 @@
 page.
 """
 
-from __future__ import annotations
-
 import multiprocessing
 from itertools import pairwise, permutations
 from pathlib import Path

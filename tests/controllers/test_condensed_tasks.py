@@ -2,8 +2,6 @@
 and they hold while robots walk.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 import pytest

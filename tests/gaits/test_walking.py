@@ -2,8 +2,6 @@
 targets beside their differences, touchdowns as they happen.
 """
 
-from __future__ import annotations
-
 import warnings
 from functools import cache
 

@@ -2,8 +2,6 @@
 momentum, and a trot at two metres per second in both plants.
 """
 
-from __future__ import annotations
-
 import warnings
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The tuned numbers of a walk: each is said, checked, read, and does what it says."""
 
-from __future__ import annotations
-
 import ast
 import inspect
 import re

@@ -3,8 +3,6 @@
 A count is a thermometer. Where one statement more reads better, write it, and raise the number.
 """
 
-from __future__ import annotations
-
 import ast
 import json
 import re

@@ -1,7 +1,5 @@
 """The sensors of a MuJoCo model as readings of the estimator, and a loop on them."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 import pytest

@@ -1,7 +1,5 @@
 """Motors with a law of their own: joint targets, stiffness and damping in a command."""
 
-from __future__ import annotations
-
 import copy
 import pickle
 

@@ -2,8 +2,6 @@
 other plants.
 """
 
-from __future__ import annotations
-
 from math import exp, hypot
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The scene: meshes in their colours and places, and ground that is not flat."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 
