@@ -128,11 +128,12 @@ def function(name: str, value: Any, arguments: int | None = None) -> None:
     except ValueError:  # of a function in C, which says nothing of its arguments
         return
     except TypeError:
-        message = (
+        raise InputError(
             f"{name} must be a function of {arguments} argument{'s' * (arguments > 1)}, got "
-            f"{shown(value)}"
-        )
-        raise InputError(message, name=name, value=value) from None
+            f"{shown(value)}",
+            name=name,
+            value=value,
+        ) from None
 
 
 def path(name: str, value: Any) -> Path:

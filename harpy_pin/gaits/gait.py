@@ -247,8 +247,11 @@ def check_target(target: object, robot: Robot) -> GaitTarget:
             if isinstance(target, GaitTarget)
             else type(target).__name__
         )
-        message = f"update(t) of a gait must return a GaitTarget of {feet} feet, got {got}"
-        raise InputError(message, name="gait", value=target)
+        raise InputError(
+            f"update(t) of a gait must return a GaitTarget of {feet} feet, got {got}",
+            name="gait",
+            value=target,
+        )
     return target
 
 

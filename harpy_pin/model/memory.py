@@ -130,11 +130,12 @@ def _checked(name: str, value: ArrayLike, held: _Array) -> _Array:
         return checks.vector(name, value, held.shape)
     given = np.asarray(value)
     if given.shape != held.shape or not np.can_cast(given.dtype, held.dtype, "same_kind"):
-        message = (
+        raise InputError(
             f"{name} must have shape {held.shape} and type {held.dtype}, got {given.shape} "
-            f"and {given.dtype}"
+            f"and {given.dtype}",
+            name=name,
+            value=value,
         )
-        raise InputError(message, name=name, value=value)
     return given
 
 

@@ -105,8 +105,11 @@ def build(
     if controller is not None and not callable(controller):
         maker = "a function or a class that makes the controller from the gait"
         example = "the class itself, or lambda gait: controller"
-        message = f"controller must be {maker}, such as {example}; got {shown(controller)}"
-        raise InputError(message, name="controller", value=controller)
+        raise InputError(
+            f"controller must be {maker}, such as {example}; got {shown(controller)}",
+            name="controller",
+            value=controller,
+        )
     checks.function("controller", controller, 1)
     own = tuple(
         name for name, given in (("gait", gait), ("controller", controller)) if given is not None

@@ -125,10 +125,11 @@ class LiveSettings:
         checks.keep(self, delay=checks.whole("delay in ms", self.delay, high=MAX_DELAY))
         checks.one_of("state", self.state, (TRUE, ESTIMATED))
         if self.state == ESTIMATED and (self.noise or self.delay):
-            message = (
-                "the sensors of the estimate have noise of their own: set noise and delay to 0"
+            raise InputError(
+                "the sensors of the estimate have noise of their own: set noise and delay to 0",
+                name="state",
+                value=self.state,
             )
-            raise InputError(message, name="state", value=self.state)
 
     @property
     def mu(self) -> float:
