@@ -20,8 +20,8 @@ import pinocchio as pin
 
 import harpy_pin as hp
 from comparison.contenders import OWN, controller_part
+from comparison.measure.interrupts import without_interrupts
 from harpy_pin import Disturbances, Ground, Robot, checks, make_gait
-from harpy_pin.contrib.interrupts import without_interrupts
 from harpy_pin.model.state import State, Vector
 
 Progress = Callable[[int, int], None]

@@ -1,7 +1,5 @@
 """Threads that share the loop of a batch, and the choice of some of it."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from os import cpu_count, getpid

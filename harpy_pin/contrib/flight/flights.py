@@ -7,8 +7,6 @@ preview: the equations of motion under the flight's own feedback, from the relea
 are at the ground. The jump aims so that these land where they should.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from math import inf, sqrt
 from typing import Any

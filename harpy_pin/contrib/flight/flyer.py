@@ -2,8 +2,6 @@
 thrusters have to spare.
 """
 
-from __future__ import annotations
-
 from math import sqrt
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Harpy as a Gymnasium environment, alone and many at once in one compiled loop."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

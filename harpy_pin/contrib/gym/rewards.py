@@ -18,8 +18,6 @@ Terms that are to be avoided get a negative scale. Velocities are in the axes of
 | ``action_rate`` | mean squared change of the action | 0 and 4 |
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial

@@ -31,8 +31,6 @@ delay, or estimated):
 duration.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

@@ -9,8 +9,6 @@ with J_c the Jacobian of the feet that may be on the ground: the columns of N ar
 cannot reach.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -5,8 +5,6 @@ accelerations. That is done with every second row and again with those between: 
 two halves is independent, which :mod:`harpy_pin.contrib.identify.regression` needs.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """The command ``harpy live``: drive the robot in the browser."""
 
-from __future__ import annotations
-
 import logging
 import webbrowser
 from importlib.util import find_spec
@@ -74,7 +72,6 @@ def live(
     walker = options.read_robot_options(robot, feet, posture, flat_feet)
     if urdf is not None and walker != "harpy":
         raise InputError("--urdf is a variant of Harpy: it does not go with --robot", name="urdf")
-    checks.whole("port", port, high=65535)
     if duration is not None:
         checks.number("duration", duration, low=1e-3, high=LONGEST)
     check_outputs(
@@ -83,7 +80,7 @@ def live(
     )
     if find_spec("viser") is None:
         raise HarpyError(f"driving needs viser, which is not installed: {install_line('live')}")
-    from harpy_pin.contrib.live.drive import Drive, listen
+    from harpy_pin.contrib.live.drive import Drive
     from harpy_pin.contrib.live.settings import DriveRanges, usual_settings
     from harpy_pin.model.robot import load_harpy
     from harpy_pin.model.source import loaded_robot
@@ -102,7 +99,7 @@ def live(
         if browser:
             Thread(target=webbrowser.open, args=(url,), daemon=True).start()
 
-    drive = Drive(start, robot=driven_robot, save=save, listener=listen(host, port), on_page=show)
+    drive = Drive(start, robot=driven_robot, save=save, address=(host, port), on_page=show)
     console.print(f"drive {driven_robot.name}: {drive.url}  (Ctrl-C ends)")
     driven = drive.run(duration)
     console.print(
