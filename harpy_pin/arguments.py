@@ -5,8 +5,6 @@ It sees to kinds only, such as a robot, a number, a mapping. Ranges and shapes a
 itself.
 """
 
-from __future__ import annotations
-
 import inspect
 import operator
 import types

@@ -7,8 +7,6 @@ comes one for each block of rows, which are float64, and at the end one with the
 that has ended.
 """
 
-from __future__ import annotations
-
 import json
 import math
 import os

@@ -1,7 +1,5 @@
 """What is known of a robot's joints beyond its URDF."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import dataclass
 from pathlib import Path

@@ -6,8 +6,6 @@ another shape or length in place. So kernels would write into a record that no a
 more, or past the end of an array that is too short.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from copy import deepcopy
 from operator import attrgetter

@@ -10,8 +10,6 @@ whole-body controller's default solver) the last digits may differ, as they depe
 memory lies; those of ``active_set`` do not.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """How long the steps of a walk last, and how fast it goes, by the inverse dynamics of its legs."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from math import inf
 
