@@ -182,6 +182,12 @@ def robot() -> hp.Robot:
 
 
 @pytest.fixture(scope="session")
+def go2() -> hp.Robot:
+    """Go2, of a test that needs the catalogue's robots."""
+    return hp.load_robot("go2")
+
+
+@pytest.fixture(scope="session")
 def undamped(robot: hp.Robot) -> hp.Robot:
     """Harpy without joint damping: it conserves energy in free flight."""
     model = robot.model.copy()

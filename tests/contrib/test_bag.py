@@ -14,11 +14,6 @@ SENSED = ("gyroscope", "accelerometer", "joint_position", "joint_velocity", "joi
 
 
 @pytest.fixture(scope="module")
-def go2():
-    return hp.load_robot("go2")
-
-
-@pytest.fixture(scope="module")
 def run(go2):
     return hp.walk(
         hp.Scenario(robot="go2", state="estimated", ground=hp.Ground(mu_s=0.6), duration=1.0)

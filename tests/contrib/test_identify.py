@@ -322,10 +322,9 @@ def test_sensors_names_and_gains_that_never_change(robot, copy, plan, truth):
     assert once.armature == pytest.approx(found.armature, nan_ok=True)
 
 
-def test_unitree_messages(tmp_path):
+def test_unitree_messages(go2, tmp_path):
     """Legs come in Unitree's order, times from the robot's clock, and a command holds."""
     writer = pytest.importorskip("mcap.writer")
-    go2 = hp.load_robot("go2")
     legs = [f"{leg}_{part}_joint" for leg in ("FR", "FL", "RR", "RL") for part in PARTS]
     imu = {"gyroscope": [0.0, 0.0, 0.1], "accelerometer": [0.0, 0.0, 9.8]}
     with (tmp_path / "log.mcap").open("wb") as file:

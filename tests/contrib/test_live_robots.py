@@ -18,11 +18,6 @@ from harpy_pin.view.identity import robot_of
 pytestmark = needs_robots
 
 
-@pytest.fixture(scope="module")
-def go2() -> hp.Robot:
-    return hp.load_robot("go2")
-
-
 def make(robot: hp.Robot, **settings: Any) -> LiveSession:
     return LiveSession(usual_settings(robot).changed(settings), robot=robot)
 

@@ -61,8 +61,7 @@ def both(make_gait, tasks: list, weights: list, along: list[hp.State]) -> tuple:
     return worst, largest
 
 
-def test_harpy_has_the_optimum_of_the_program():
-    robot = hp.load_harpy()
+def test_harpy_has_the_optimum_of_the_program(robot):
     gait = hp.make_gait(robot)
     along = states(gait, "condensed", 1.2)[::7]
     tasks = [
@@ -123,8 +122,7 @@ def test_what_is_held_stays_where_the_body_carries_it(name, frame, millimetres):
     assert np.degrees(max(turned)) < 1.0
 
 
-def test_what_is_refused_changes_nothing():
-    robot = hp.load_harpy()
+def test_what_is_refused_changes_nothing(robot):
     gait = hp.make_gait(robot)
     along = states(gait, "condensed", 0.3)[::30]
     controller, same = (hp.make_controller("condensed", gait, mu=0.6) for _ in range(2))
@@ -146,8 +144,7 @@ def test_what_is_refused_changes_nothing():
         np.testing.assert_array_equal(controller.step(state).torque, same.step(state).torque)
 
 
-def test_a_weight_may_be_changed_in_place():
-    robot = hp.load_harpy()
+def test_a_weight_may_be_changed_in_place(robot):
     gait = hp.make_gait(robot)
     state = states(gait, "condensed", 0.2)[-1]
     controller, without = (hp.make_controller("condensed", gait, mu=0.6) for _ in range(2))

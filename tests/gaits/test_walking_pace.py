@@ -225,17 +225,16 @@ def test_solo12_walks_fast_at_friction_three_tenths_in_mujoco(start):
 
 
 @needs_robots
-def test_a_walking_gait_says_to_what_it_limits_the_velocity() -> None:
-    robot = hp.load_robot("go2")
+def test_a_walking_gait_says_to_what_it_limits_the_velocity(go2: hp.Robot) -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        most = hp.WalkingGait(robot).max_speed
-        hp.WalkingGait(robot, velocity=(most, 0.0, 0.0))
+        most = hp.WalkingGait(go2).max_speed
+        hp.WalkingGait(go2, velocity=(most, 0.0, 0.0))
     for velocity in ((9.0, 0.0, 0.0), ((0.0, 0.1, 0.0, 0.0), (1.0, 9.0, 0.0, 0.0))):
         with pytest.warns(
             UserWarning, match=rf"velocity \(9, 0, 0\) .* limited to \({most:.3g}, 0, 0\)"
         ) as said:
-            gait = hp.WalkingGait(robot, velocity=velocity)
+            gait = hp.WalkingGait(go2, velocity=velocity)
         assert [warning.filename for warning in said] == [__file__]
         assert gait.max_speed == most
 
