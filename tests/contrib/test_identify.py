@@ -236,16 +236,15 @@ def test_forces_of_feet_drop_out():
     assert np.all(error < 1e-8)
 
 
-def test_a_walk_on_the_estimate_alone():
+def test_a_walk_on_the_estimate_alone(solo12):
     """Joints of legs in the air: the plant is the library's own, with dry friction."""
-    robot = hp.load_robot("solo12")
     rng = np.random.default_rng(1)
     truth = {
         name: scale * np.exp(rng.uniform(-1.0, 1.0, 12))
         for name, scale in (("armature", 0.003), ("damping", 0.03), ("friction", 0.05))
     }
     scenario = hp.Scenario(
-        robot=robot.with_joints(**truth),
+        robot=solo12.with_joints(**truth),
         gait=hp.Walking(velocity=(0.4, 0.0, 0.0)),
         ground=hp.Ground(mu_s=0.8),
         state="estimated",
@@ -253,7 +252,7 @@ def test_a_walk_on_the_estimate_alone():
     )
     run = hp.walk(scenario)
     log = {"t": run["t"], "q": run["estimated_q"], "v": run["estimated_v"]}
-    found = identify(robot, log | {"torque": run["torque"]})
+    found = identify(solo12, log | {"torque": run["torque"]})
     for name, least in (("armature", 4), ("damping", 0), ("friction", 1)):
         known = np.isfinite(getattr(found, name))
         assert known.sum() >= least

@@ -132,8 +132,7 @@ def test_a_law_that_cannot_be_is_refused(law, message):
         hp.Command(np.zeros(3), **law)
 
 
-def test_what_corrects_torques_refuses_a_law(robot):
-    gait = hp.make_gait(robot)
+def test_what_corrects_torques_refuses_a_law(gait, robot):
     simulator = hp.Simulator(robot)
     simulator.reset(*gait.initial_state())
     command = hp.Command(np.zeros(6), np.zeros((2, 3)), q=np.zeros(6), k_p=1.0)
