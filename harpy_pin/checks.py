@@ -83,7 +83,7 @@ def ticks(duration: float, period: float) -> int:
     return max(round(duration / period), 1)
 
 
-def whole(name: str, value: Any, *, low: int = 0, high: float = math.inf) -> int:
+def whole(name: str, value: Any, *, low: float = 0, high: float = math.inf) -> int:
     """A whole number within [low, high], as an int."""
     if (
         isinstance(value, bool)

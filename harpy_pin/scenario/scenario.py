@@ -11,7 +11,7 @@ from typing import Any
 
 from harpy_pin import checks
 from harpy_pin.arguments import checked
-from harpy_pin.errors import InputError, shown
+from harpy_pin.errors import InputError
 from harpy_pin.estimation import Imu
 from harpy_pin.ground.ground import Ground, Unset
 from harpy_pin.log.run import Run
@@ -236,10 +236,7 @@ class Scenario:
         Raises:
             InputError: unknown names, or values out of their domains.
         """
-        if not isinstance(data, Mapping):
-            raise InputError(
-                f"scenario must be a mapping, got {shown(data)}", name="scenario", value=data
-            )
+        checks.mapping("scenario", data)
         data = {**data, "robot": named_robot(data.get("robot", "harpy"))}
         for name in data:
             checks.one_of("entry of the scenario", name, [entry.name for entry in fields(cls)])

@@ -108,10 +108,10 @@ def live(
     )
     times = driven.as_dict()
     for viewers, tick in times["tick_us"].items():
-        times_of_tick = (
-            f"median {tick['p50']:.1f} µs, p99 {tick['p99']:.1f} µs ({tick['ticks']} ticks)"
+        console.print(
+            f"tick, pages open {viewers}: median {tick['p50']:.1f} µs, p99 {tick['p99']:.1f} µs "
+            f"({tick['ticks']} ticks)"
         )
-        console.print(f"tick, pages open {viewers}: {times_of_tick}")
     if json is not None:
         write_json(json, times)
     if save is not None:

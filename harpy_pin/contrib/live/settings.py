@@ -147,13 +147,8 @@ class LiveSettings:
         Raises:
             InputError: no mapping, an unknown name, or a value out of its domain.
         """
-        if not isinstance(changes, Mapping):
-            raise InputError(
-                f"changes must be a mapping, got {changes!r:.60}", name="changes", value=changes
-            )
-        valid = [entry.name for entry in fields(self)]
-        for name in changes:
-            checks.one_of("setting", name, valid)
+        for name in checks.mapping("changes", changes):
+            checks.one_of("setting", name, [entry.name for entry in fields(self)])
         return replace(self, **changes)
 
 
