@@ -284,8 +284,7 @@ class PlannedGait(Gait):
         except Exception as error:
             self.refused, self.error = self.refused + 1, error
             if self.refused == 1:
-                message = f"a plan was refused at {self._time:.3f} s: {error!r}"
-                warnings.warn(message, stacklevel=2)
+                warnings.warn(f"a plan was refused at {self._time:.3f} s: {error!r}", stacklevel=2)
 
     def _check(self, plan: Plan, state: State) -> None:
         """Refuse what cannot be followed.

@@ -50,6 +50,7 @@ def read_joints(path: str | Path) -> KnownJoints:
             for name in NAMES
         }
     except (OSError, ValueError, LookupError, TypeError, AttributeError) as error:
-        message = f"no joints in {shown(str(path), 300)}: {reason(error)}"
-        raise RobotError(message, path=path) from error
+        raise RobotError(
+            f"no joints in {shown(str(path), 300)}: {reason(error)}", path=path
+        ) from error
     return KnownJoints(tuple(found), **columns)

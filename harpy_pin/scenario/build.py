@@ -124,12 +124,10 @@ def build(
         scenario = replace(scenario, ground=scenario.ground.fitted(robot, walks=gait.walks))
         gait = _on_ground(gait, Stand(), scenario) if gait.terrain is None else gait
     if scenario.robot != "harpy" and scenario.robot_name != gait.robot.name:
-        message = (
-            f"the gait is of '{gait.robot.name}', the scenario of '{scenario.robot_name}'; a "
-            f"gait of one's own"
-        )
         raise InputError(
-            f"{message} brings its robot along: leave robot out of the scenario",
+            f"the gait is of '{gait.robot.name}', the scenario of '{scenario.robot_name}'; a "
+            f"gait of one's own "
+            "brings its robot along: leave robot out of the scenario",
             name="gait",
             value=gait,
         )

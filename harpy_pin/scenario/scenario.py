@@ -263,11 +263,10 @@ class Scenario:
             parts = " and ".join(
                 name for name in ("gait", "controller") if isinstance(own, list) and name in own
             )
-            message = (
-                f"the run was walked with its own {parts or 'parts'}, which its scenario "
-                f"does not hold"
-            )
             raise InputError(
-                f"{message}; Scenario.from_dict(run.metadata['scenario']) is the rest", name="run"
+                f"the run was walked with its own {parts or 'parts'}, which its scenario "
+                f"does not hold; "
+                "Scenario.from_dict(run.metadata['scenario']) is the rest",
+                name="run",
             )
         return cls.from_dict(run.metadata["scenario"])

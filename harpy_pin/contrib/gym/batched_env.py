@@ -127,12 +127,12 @@ class BatchedEnv(KeepsViews):
             or s.robot != "harpy"
             or s.ground.surface is not None
         ):
-            message = (
-                "an environment has Harpy in the library's own plant, without sensors, "
-                "noise, delay or actuators"
-            )
             raise InputError(
-                f"{message}, on flat ground: put a wrapper around it", name="scenario", value=s
+                "an environment has Harpy in the library's own plant, without sensors, "
+                "noise, delay or actuators, "
+                "on flat ground: put a wrapper around it",
+                name="scenario",
+                value=s,
             )
         if not isinstance(s.gait, Straight):
             raise InputError(

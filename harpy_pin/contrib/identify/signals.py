@@ -154,8 +154,11 @@ def _signals(robot: Robot, log: Run | Mapping[str, Vector]) -> dict[str, Vector]
     if "torque" not in known and not law:
         raise InputError("the log has neither torque nor the motors' k_p", name="torque")
     if wide not in (n, nq):
-        message = f"q must have {n} angles of joints, or {nq} numbers with the base, in a row"
-        raise InputError(f"{message}, got {wide}", name="q")
+        raise InputError(
+            f"q must have {n} angles of joints, or {nq} numbers with the base, in a row, "
+            f"got {wide}",
+            name="q",
+        )
     t = checks.array("t", known["t"], None).reshape(-1, 1)
     for name in {"k_p", "k_d"} & known.keys():
         if np.ndim(known[name]) < 2:  # they never change
