@@ -16,11 +16,11 @@ import harpy_pin
 ROOT = Path(__file__).resolve().parents[2]
 CONTRIB = "harpy_pin/contrib/"
 STATEMENTS = {
-    "harpy_pin": 25_350,
-    CONTRIB: 5_020,
+    "harpy_pin": 25_320,
+    CONTRIB: 5_000,
     "reproduction": 2_080,
     "comparison": 7_040,
-    "tests": 27_850,
+    "tests": 27_790,
 }
 """Most statements of the Python files that Git tracks in a folder; ``harpy_pin`` is without
 contrib.
