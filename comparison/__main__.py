@@ -1,7 +1,5 @@
 """Runs the command line."""
 
-from __future__ import annotations
-
 from harpy_pin.cli.signals import leave_at_signals
 
 

@@ -5,10 +5,8 @@ It sees to kinds only, such as a robot, a number, a mapping. Ranges and shapes a
 itself.
 """
 
-from __future__ import annotations
-
 import inspect
-import operator
+import math
 import types
 from collections.abc import Callable, Mapping, Sequence
 from functools import cache, wraps
@@ -93,7 +91,9 @@ def _kind(annotation: Any) -> _Kind | None:
             " or ".join(map(repr, parts)), lambda value: isinstance(value, str) and value in parts
         )
     if origin is tuple and parts and all(part is float for part in parts):
-        return _Kind(f"{len(parts)} numbers", lambda value: _has_numbers(value, (len(parts),)))
+        return _Kind(
+            f"{len(parts)} numbers", lambda value: _passes(checks.array, value, (len(parts),))
+        )
     if origin is np.ndarray:
         return {np.dtype[np.float64]: _ARRAY, np.dtype[np.void]: _RECORD}.get(parts[1])
     return _SIMPLE.get(origin) if origin is not None else _object(annotation)
@@ -128,40 +128,28 @@ def _object(annotation: Any) -> _Kind | None:
     )
 
 
+def _passes(check: Callable[..., object], *arguments: Any, **bounds: Any) -> bool:
+    """Whether a check of :mod:`harpy_pin.checks` lets a value through."""
+    try:
+        check("", *arguments, **bounds)
+    except InputError:
+        return False
+    return True
+
+
 def _is_number(value: Any) -> bool:
     """Whether a value is one real number, NaN and infinity included."""
-    try:
-        checks.number("", 0.0 if isinstance(value, float) else value)
-    except InputError:
-        return isinstance(value, np.floating)  # infinite or NaN
-    return True
+    return isinstance(value, float | np.floating) or _passes(checks.number, value)
 
 
-def _is_whole(value: Any) -> bool:
-    try:
-        operator.index(value)
-    except TypeError:
-        return False
-    return not isinstance(value, bool) and np.ndim(value) == 0
-
-
-def _has_numbers(value: Any, shape: tuple[int, ...] | None) -> bool:
-    """Whether a value is an array of real numbers, of a shape if one is given."""
-    try:
-        checks.array("", value, shape)
-    except InputError:
-        return False
-    return True
-
-
-_ARRAY = _Kind("an array of numbers", lambda value: _has_numbers(value, None))
+_ARRAY = _Kind("an array of numbers", lambda value: _passes(checks.array, value, None))
 _RECORD = _Kind(
     "a record", lambda value: isinstance(value, np.ndarray) and value.dtype.names is not None
 )
 _PATH = _Kind("a path", lambda value: isinstance(value, str | PathLike))
 _SIMPLE: dict[Any, _Kind] = {
     float: _Kind("a number", _is_number),
-    int: _Kind("a whole number", _is_whole),
+    int: _Kind("a whole number", lambda value: _passes(checks.whole, value, low=-math.inf)),
     bool: _Kind(
         "True or False", lambda value: isinstance(value, int | np.bool_) and value in (0, 1)
     ),

@@ -2,8 +2,6 @@
 :class:`InputError`.
 """
 
-from __future__ import annotations
-
 import inspect
 import math
 import os
@@ -85,7 +83,7 @@ def ticks(duration: float, period: float) -> int:
     return max(round(duration / period), 1)
 
 
-def whole(name: str, value: Any, *, low: int = 0, high: float = math.inf) -> int:
+def whole(name: str, value: Any, *, low: float = 0, high: float = math.inf) -> int:
     """A whole number within [low, high], as an int."""
     if (
         isinstance(value, bool)
@@ -128,11 +126,12 @@ def function(name: str, value: Any, arguments: int | None = None) -> None:
     except ValueError:  # of a function in C, which says nothing of its arguments
         return
     except TypeError:
-        message = (
+        raise InputError(
             f"{name} must be a function of {arguments} argument{'s' * (arguments > 1)}, got "
-            f"{shown(value)}"
-        )
-        raise InputError(message, name=name, value=value) from None
+            f"{shown(value)}",
+            name=name,
+            value=value,
+        ) from None
 
 
 def path(name: str, value: Any) -> Path:

@@ -1,7 +1,5 @@
 """How much a sampled signal chatters."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -2,8 +2,6 @@
 otherwise.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from enum import StrEnum
 

@@ -1,7 +1,5 @@
 """The first simulation, with the constraints evaluated at both states, and claims Q1 to Q3."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from itertools import product
 from typing import Any

@@ -2,8 +2,6 @@
 ground, and Q4 to Q8.
 """
 
-from __future__ import annotations
-
 import gc
 from collections.abc import Sequence
 from dataclasses import dataclass, replace

@@ -181,6 +181,30 @@ def robot() -> hp.Robot:
     return hp.load_harpy()
 
 
+@pytest.fixture
+def gait(robot: hp.Robot) -> hp.Gait:
+    """Harpy's straight walk."""
+    return hp.make_gait(robot)
+
+
+@pytest.fixture(scope="session")
+def go2() -> hp.Robot:
+    """Go2, of a test that needs the catalogue's robots."""
+    return hp.load_robot("go2")
+
+
+@pytest.fixture(scope="session")
+def g1() -> hp.Robot:
+    """G1 on its soles, of a test that needs the catalogue's robots."""
+    return hp.load_robot("g1")
+
+
+@pytest.fixture(scope="session")
+def solo12() -> hp.Robot:
+    """Solo12, of a test that needs the catalogue's robots."""
+    return hp.load_robot("solo12")
+
+
 @pytest.fixture(scope="session")
 def undamped(robot: hp.Robot) -> hp.Robot:
     """Harpy without joint damping: it conserves energy in free flight."""

@@ -50,8 +50,11 @@ def workers(scheduler: str | None) -> Iterator[None]:
         yield
         return
     if not re.fullmatch(r"(tcp|tls)://\S+:\d{1,5}", scheduler):
-        message = f"the address of a scheduler is like tcp://10.0.0.1:8786, not {shown(scheduler)}"
-        raise InputError(message, name="scheduler", value=scheduler)
+        raise InputError(
+            f"the address of a scheduler is like tcp://10.0.0.1:8786, not {shown(scheduler)}",
+            name="scheduler",
+            value=scheduler,
+        )
     with _connected(scheduler):
         pass  # what is wrong with it is said before anything else is done
     before = PLACE.set(partial(_on_workers, scheduler))

@@ -5,8 +5,6 @@ Exceptions are scenarios in which a whole-body controller falls and somebody els
 reasons are the levels without which it stands, too.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, replace

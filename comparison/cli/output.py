@@ -1,7 +1,5 @@
 """What a command shows: tables, a file of all numbers, and how far the work has come."""
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager

@@ -1,7 +1,5 @@
 """The whole command line: the comparison itself and every further command."""
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Callable
 from functools import wraps

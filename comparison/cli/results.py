@@ -1,7 +1,5 @@
 """The command that measures what README and docs show, records it, and fills their tables."""
 
-from __future__ import annotations
-
 import json
 import subprocess
 import sys

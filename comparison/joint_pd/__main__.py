@@ -6,8 +6,6 @@ from another seed. The search begins with those found before, and the better one
 whole-body controllers have one set of settings for all robots, and none was searched.
 """
 
-from __future__ import annotations
-
 import json
 import sys
 from collections.abc import Callable

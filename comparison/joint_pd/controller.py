@@ -235,8 +235,10 @@ def _joints_of_legs(robot: Robot) -> NDArray[np.int64]:
     """(legs, n) columns of the joints that move one foot each."""
     if not able(robot):
         counts = [len(leg.joints) for leg in legs(robot)]
-        message = "joint PD is for legs of 3 joints on point feet, or of 6 on soles"
-        raise ValueError(f"{message}; those of '{robot.name}' have {counts}")
+        raise ValueError(
+            "joint PD is for legs of 3 joints on point feet, or of 6 on soles; "
+            f"those of '{robot.name}' have {counts}"
+        )
     return np.array([[robot.model.joints[j].idx_v for j in leg.joints] for leg in legs(robot)])
 
 

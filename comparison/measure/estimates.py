@@ -6,8 +6,6 @@ the accelerometer moves it, righted by the velocity and the height at which the 
 would be at rest on it.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

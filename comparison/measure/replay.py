@@ -6,8 +6,6 @@ span, so that what was timed can be compared with what should have come out. It 
 block, so that several can be interleaved.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from time import perf_counter_ns, thread_time_ns

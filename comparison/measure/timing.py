@@ -5,8 +5,6 @@ The order is drawn anew for each block, so a drift of the machine's speed affect
 alike, and none always runs after the same other one.
 """
 
-from __future__ import annotations
-
 import gc
 import os
 import platform

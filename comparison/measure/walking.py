@@ -2,8 +2,6 @@
 the other.
 """
 
-from __future__ import annotations
-
 import hashlib
 import multiprocessing
 import os
@@ -22,8 +20,8 @@ import pinocchio as pin
 
 import harpy_pin as hp
 from comparison.contenders import OWN, controller_part
+from comparison.measure.interrupts import without_interrupts
 from harpy_pin import Disturbances, Ground, Robot, checks, make_gait
-from harpy_pin.contrib.interrupts import without_interrupts
 from harpy_pin.model.state import State, Vector
 
 Progress = Callable[[int, int], None]

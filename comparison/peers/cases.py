@@ -6,8 +6,6 @@ of a second, from which on its ticks count: they go through touchdown and lift-o
 the states of G1 on its soles, and a point in the middle of each.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial

@@ -5,8 +5,6 @@ Tests solve it and compare with our controllers; placo's planar contacts are che
 pose another one. It is slow.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np

@@ -4,8 +4,6 @@ runs their workers.
 Whatever goes wrong in a worker becomes a sentence, never an exception of another kind.
 """
 
-from __future__ import annotations
-
 import os
 import signal
 import subprocess

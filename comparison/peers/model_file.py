@@ -5,8 +5,6 @@ Peers read this file, and nothing of the robot's own: what was changed since the
 in it, and meshes are not.
 """
 
-from __future__ import annotations
-
 import xml.etree.ElementTree as ElementTree
 from dataclasses import dataclass
 from pathlib import Path

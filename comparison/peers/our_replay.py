@@ -4,8 +4,6 @@ That process calls :func:`main`. With ``HARPY_PIN_FOR_A_WHEEL`` in its environme
 compiled as those of wheels are.
 """
 
-from __future__ import annotations
-
 import pickle
 from collections.abc import Callable
 from dataclasses import dataclass, replace

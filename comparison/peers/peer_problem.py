@@ -11,8 +11,6 @@ four faces, thrusts no limit, no task gives way. Torque limits are rows of it. T
 solutions are those of our formulation ``full``, solved to rounding.
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass, replace

@@ -18,8 +18,6 @@ friction pyramid. A point needs a position task for its Jacobian, which has the 
 has no bound, and all three moments have one weight.
 """
 
-from __future__ import annotations
-
 import gc
 import json
 import sys

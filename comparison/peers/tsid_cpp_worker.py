@@ -7,8 +7,6 @@ bindings abort. The program ``tsid_driver.cpp`` is compiled once against the hea
 and kept in the environment.
 """
 
-from __future__ import annotations
-
 import hashlib
 import json
 import os

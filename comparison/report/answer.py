@@ -1,7 +1,5 @@
 """The answer: what this run found, in a few sentences and one small table."""
 
-from __future__ import annotations
-
 import textwrap
 from collections.abc import Mapping
 from dataclasses import dataclass

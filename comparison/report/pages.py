@@ -12,8 +12,6 @@ A table is named by its source and its own name. ``rows`` and ``columns`` choose
 without them all are shown. ``turned = true`` exchanges the two.
 """
 
-from __future__ import annotations
-
 import re
 import tomllib
 from collections.abc import Callable, Mapping

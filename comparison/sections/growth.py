@@ -6,8 +6,6 @@ sway about a bent posture, smooth from tick to tick, with every foot that is cou
 ground.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass

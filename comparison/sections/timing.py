@@ -8,8 +8,6 @@ checked against its own optimality conditions, so that no statement rests only o
 reports.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any

@@ -6,8 +6,6 @@ The optimum in six unknowns (:class:`harpy_pin.WholeBodySolver`) beside a tick o
 to which the same tasks are added. Both solve the same states in turns, block by block.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from time import perf_counter_ns
 

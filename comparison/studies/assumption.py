@@ -4,8 +4,6 @@ Every controller assumes from half to two and a half times the friction of the g
 with the friction estimated. In the figure a vertical line is where the margin of the WBCs ends.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any

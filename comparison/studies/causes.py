@@ -8,8 +8,6 @@ joints, without one property at a time. "peers --install" installs the models. T
 minutes.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from itertools import product
 from typing import Any

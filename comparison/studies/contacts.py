@@ -7,8 +7,6 @@ stiffness that the weight finds, are known to controllers and gait. This takes m
 minutes.
 """
 
-from __future__ import annotations
-
 from functools import cache, partial
 from typing import Any
 

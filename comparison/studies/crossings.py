@@ -7,8 +7,6 @@ the plane below its feet. The robot begins with its feet on the ground. Needs th
 This takes some minutes.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial

@@ -5,8 +5,6 @@ search, beside the delays that a linear argument allows. The gains of the legs w
 chosen on walks at friction 0.5 and 0.3; what is walked here is at other friction, and with noise.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from typing import Any
 

@@ -7,8 +7,6 @@ those of the condensed controller's, which are the same for all; the pushes are 
 walk. Needs gcc-arm-none-eabi, libnewlib-arm-none-eabi and qemu-system-arm.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from functools import cache
 from pathlib import Path

@@ -7,8 +7,6 @@ slopes. A try stands if the robot is upright over its feet at the end, or walked
 The controller knows of the fan only where a row says so. This takes many minutes.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any

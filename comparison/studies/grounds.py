@@ -4,8 +4,6 @@ Stiffness is 4 to 80 kN/m, in this library's plant, or MuJoCo's. Friction is 0.2
 tables show how far the feet slip, or when the robot fell. This takes some minutes.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import replace
 from functools import partial

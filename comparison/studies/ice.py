@@ -7,8 +7,6 @@ at 0.2 and 0.4 m/s, with seeds 100 and 101. What is walked here is at other fric
 speed, on strips at other places and with other seeds.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from functools import partial

@@ -9,8 +9,6 @@ joints are found by the estimate from inertial unit, encoders and torques alone.
 installs the models.
 """
 
-from __future__ import annotations
-
 import copy
 import time
 from collections.abc import Iterator, Mapping

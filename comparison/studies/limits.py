@@ -8,8 +8,6 @@ gives way was chosen on walks from exact starts; the walks here begin with other
 takes many minutes.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from typing import Any
 

@@ -16,8 +16,6 @@ motor j. The argument is about fast motion at one posture: it leaves out gravity
 the slow motion of the body on its foot, the ground's compliance, and the integral part of a PID.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import atan2, inf, sqrt

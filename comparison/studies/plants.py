@@ -6,8 +6,6 @@ told from what differs within one. Steps are timed standing, with motors that ho
 This takes some minutes.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from functools import partial
 from time import perf_counter_ns

@@ -5,8 +5,6 @@ mass. The gait on two feet was tuned on as many pushes of the same sizes from di
 instants half-way between these. Needs the extra "robots".
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

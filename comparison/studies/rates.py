@@ -4,8 +4,6 @@ Walks, environment steps and whole-body optima, the condensed controller's tick 
 viewer's share of one.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from functools import cache
 from time import perf_counter, thread_time_ns

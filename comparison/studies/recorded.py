@@ -6,8 +6,6 @@ inertial unit, fourteen encoders and two contacts at 2 kHz. The sensors' noise i
 their example.
 """
 
-from __future__ import annotations
-
 import re
 import warnings
 from pathlib import Path

@@ -7,8 +7,6 @@ the pushes. One setting was chosen here: the damping of held soles, on G1 at res
 without a push. Needs the extra "robots".
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

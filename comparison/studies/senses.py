@@ -6,8 +6,6 @@ jumps. The table has falls, on two feet also those on the true state, and how fa
 is. Needs the extra "robots".
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import replace
 from functools import partial

@@ -4,8 +4,6 @@ The controllers know the friction; there is no push and no error. The table show
 slip in each step, and when the robot fell.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 from comparison.contenders import WALKERS, label

@@ -9,8 +9,6 @@ motors' limits, wherever its body is along x. Robots on four feet lean with the 
 upright. Needs the extra "robots". This takes many minutes.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, field
 from functools import cache, partial

@@ -6,8 +6,6 @@ velocity limit of each joint. The starts differ in the velocities of the body; n
 those of seed 0, which are what is walked by default. Needs the extra "robots", and hours.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from functools import cache
 from itertools import product

@@ -5,8 +5,6 @@ controller and the whole-body QP by own search; the course and some of the seque
 Nothing was chosen on these commands. This takes many minutes.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from typing import Any
 

@@ -7,8 +7,6 @@ two where they know the lags. Nobody knows how slow the motors are, or that a th
 have the same limits of torque and thrust. This takes many minutes.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator, Mapping
 from functools import partial
 from typing import Any

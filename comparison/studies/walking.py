@@ -6,8 +6,6 @@ and delay, and pushes from eight sides. No setting of the gait was chosen on the
 pushes of seed 0, which are what is walked by default. Needs the extra "robots", and an hour.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import replace
 from functools import partial

@@ -8,8 +8,6 @@ too: FOLDER has clones of unitreerobotics/unitree_rl_gym and BoosterRobotics/boo
 walks a model of your own. This takes many minutes.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from functools import partial
 from pathlib import Path

@@ -4,8 +4,6 @@ What counts is falls first, then slip, then tracking. The walks are of the wide 
 distribution, from seeds of their own.
 """
 
-from __future__ import annotations
-
 import hashlib
 import json
 from collections.abc import Callable, Iterable, Mapping, Sequence

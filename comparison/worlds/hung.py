@@ -1,7 +1,5 @@
 """Other people's robots hung up by the base, with joints that the identification has to find."""
 
-from __future__ import annotations
-
 import copy
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -2,8 +2,6 @@
 the same files.
 """
 
-from __future__ import annotations
-
 import copy
 from collections.abc import Sequence
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """The policy in our process: what it observes, and what its actions mean."""
 
-from __future__ import annotations
-
 import subprocess
 from collections.abc import Callable
 from pathlib import Path

@@ -6,8 +6,6 @@ It writes an empty line once it is ready. Then it answers every observation, 48 
 with the action, 12 floats.
 """
 
-from __future__ import annotations
-
 import sys
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The ``harpy`` command: its subcommands, and what becomes of errors."""
 
-from __future__ import annotations
-
 import sys
 from importlib.metadata import entry_points
 from typing import Annotated

@@ -89,11 +89,11 @@ def compile_ahead(
                 threads.shutdown(cancel_futures=True)
             raise
     folder = library_files.MADE[-1].parent if library_files.MADE else library_files.folder()
-    message = (
+    console.print(
         f"{_count(len(library_files.MADE))} compiled in {perf_counter() - begin:.1f} s; they are "
-        f"in {folder}"
+        f"in {folder}",
+        soft_wrap=True,
     )
-    console.print(message, soft_wrap=True)
     say_next(f"harpy walk --robot {(robots or [HARPY])[0]}")
 
 

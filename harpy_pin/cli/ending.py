@@ -1,7 +1,5 @@
 """How a command ends: Ctrl-C and SIGTERM stop it, and errors and warnings are one line each."""
 
-from __future__ import annotations
-
 import io
 import os
 import sys

@@ -1,7 +1,5 @@
 """The commands ``harpy info``, ``harpy robots`` and ``harpy settings``: tables of what there is."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 from typing import Annotated

@@ -1,7 +1,5 @@
 """What the commands share: where they write to, exit codes, a table and the progress bar."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Annotated, Any

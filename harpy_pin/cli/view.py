@@ -237,8 +237,11 @@ def _numbers(option: str, text: str, between: str, count: int | None = None) -> 
     """Numbers of an option, with a sign between them."""
     parts = text.lower().split(between)
     if count is not None and len(parts) != count:
-        message = f"{option} must be {count} numbers with '{between}' between, got '{text}'"
-        raise InputError(message, name=option, value=text)
+        raise InputError(
+            f"{option} must be {count} numbers with '{between}' between, got '{text}'",
+            name=option,
+            value=text,
+        )
     try:
         return [checks.number(option, float(part)) for part in parts]
     except ValueError:

@@ -149,8 +149,11 @@ def _sole(text: str) -> FlatFoot:
         x, y, z, *turn = (float(part) for part in (centre or "0,0,0").split(","))
         roll, pitch, yaw = turn or (0.0, 0.0, 0.0)
     except ValueError:
-        message = f"--flat-feet must look like 0.2x0.09 or 0.2x0.09@0.03,0,-0.05 (m), got '{text}'"
-        raise InputError(message, name="flat_feet", value=text) from None
+        raise InputError(
+            f"--flat-feet must look like 0.2x0.09 or 0.2x0.09@0.03,0,-0.05 (m), got '{text}'",
+            name="flat_feet",
+            value=text,
+        ) from None
     return FlatFoot(length=length, width=width, centre=(x, y, z), orientation=(roll, pitch, yaw))
 
 
@@ -210,11 +213,12 @@ def read_settings(texts: Sequence[str]) -> dict[str, Any]:
     for text in texts:
         name, equals, value = text.partition("=")
         if not equals or not all(name.split(".")):
-            message = (
+            raise InputError(
                 f"--set takes NAME=VALUE, such as controller.mu=0.4, got '{text}'; harpy "
-                f"settings lists the names"
+                f"settings lists the names",
+                name="set",
+                value=text,
             )
-            raise InputError(message, name="set", value=text)
         settings[name] = _read_value(value)
     return settings
 

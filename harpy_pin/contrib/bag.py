@@ -274,11 +274,11 @@ def _checked(found: Signals, robot: Robot) -> Signals:
     for name in sizes.keys() & found.keys():
         values = found[name].reshape(len(found[name]), -1)
         if values.shape != (len(t), sizes[name]):
-            message = (
+            raise InputError(
                 f"the log's {name} must be ({len(t)}, {sizes[name]}) for '{robot.name}', got "
-                f"{found[name].shape}"
+                f"{found[name].shape}",
+                name=name,
             )
-            raise InputError(message, name=name)
         kept[name] = np.ascontiguousarray(values)
     felt = float(np.linalg.norm(np.nanmean(kept["accelerometer"][:BEGIN], axis=0)))
     if not 0.8 * GRAVITY < felt < 1.2 * GRAVITY:

@@ -158,8 +158,11 @@ class CondensedBatch(KeepsViews):
             parameters = WholeBodyParameters.for_gait(gait, estimate_friction=False)
         self.parameters = p = parameters
         if p.estimate_friction or p.estimate_joint_friction or p.thrust_lag or p.thrust_turning_lag:
-            message = "a batch estimates no friction (estimate_friction=False) and knows no lag"
-            raise InputError(message, name="parameters", value=p)
+            raise InputError(
+                "a batch estimates no friction (estimate_friction=False) and knows no lag",
+                name="parameters",
+                value=p,
+            )
         condensed = condensed_record(robot, p.weights, p.limits)
         record: Any = tasks_record(gait, p, CondensedTasksRecord, condensed=condensed)
         record["tasks"]["double_support"] = checks.number(

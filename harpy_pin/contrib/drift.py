@@ -1,7 +1,5 @@
 """How far an estimate of the state is off."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 

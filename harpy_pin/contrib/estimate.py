@@ -1,7 +1,5 @@
 """The command ``harpy estimate``: the state estimator on a log of one's own robot."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated
 

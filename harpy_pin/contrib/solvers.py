@@ -7,8 +7,6 @@ times, quadprog 1.6 to 2.2 times, OSQP 2.7 to 8 times (over three formulations).
 class here.
 """
 
-from __future__ import annotations
-
 from typing import Any, ClassVar
 
 import numpy as np

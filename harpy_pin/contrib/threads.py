@@ -1,7 +1,5 @@
 """Threads that share the loop of a batch, and the choice of some of it."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from os import cpu_count, getpid
@@ -26,10 +24,12 @@ def selection(name: str, which: ArrayLike | None, count: int) -> NDArray[np.int6
         given = everything if which is None else np.atleast_1d(np.asarray(which))
         chosen = everything[given if given.size else given.astype(np.int64)]
     except (IndexError, ValueError, TypeError):
-        message = (
-            f"{name} must be indices from 0 to {count - 1} or a mask of {count}, got {shown(which)}"
-        )
-        raise InputError(message, name=name, value=which) from None
+        raise InputError(
+            f"{name} must be indices from 0 to {count - 1} or a mask of {count}, got "
+            f"{shown(which)}",
+            name=name,
+            value=which,
+        ) from None
     return chosen.reshape(-1)
 
 

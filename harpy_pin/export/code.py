@@ -1,7 +1,5 @@
 """The C of a controller: header, source, and a header for C++, from the templates in ``files``."""
 
-from __future__ import annotations
-
 import math
 import re
 import textwrap

@@ -179,10 +179,12 @@ def exportable_walk(controller: object) -> Exportable:
     another class, on ground that is not level, or whose velocity is a script or a function.
     """
     if not isinstance(controller, CondensedController):
-        message = (
-            f"a walk is exported with a CondensedController, not with a {type(controller).__name__}"
+        raise InputError(
+            f"a walk is exported with a CondensedController, not with a "
+            f"{type(controller).__name__}",
+            name="controller",
+            value=controller,
         )
-        raise InputError(message, name="controller", value=controller)
     gait, alone = controller.gait, exportable(controller)
     if not isinstance(gait, WalkingGait):
         raise InputError(

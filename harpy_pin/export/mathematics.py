@@ -2,8 +2,6 @@
 ``files/mathematics.c``.
 """
 
-from __future__ import annotations
-
 import re
 from importlib.resources import files
 

@@ -233,12 +233,12 @@ class CommandedGait(FollowsVelocity):
 
     def _advance(self, t: float) -> None:
         if not advance(t, self._record_, self.target._record_):
-            message = (
-                f"the gait's time must be finite, below {LONGEST:g} s and within "
-                f"{LONGEST_GAP:g} s of the last"
-            )
             raise InputError(
-                f"{message}, {self._state['time']:g} s; got {shown(t)}", name="t", value=t
+                f"the gait's time must be finite, below {LONGEST:g} s and within "
+                f"{LONGEST_GAP:g} s of the last, "
+                f"{self._state['time']:g} s; got {shown(t)}",
+                name="t",
+                value=t,
             )
 
     def _speeds(self) -> tuple[float, float]:

@@ -9,8 +9,6 @@ Gaits that know more about their walk refine them by ``controller_parameters``
 (:class:`~harpy_pin.gaits.gait.Gait`).
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from itertools import pairwise
 from typing import Any

@@ -247,8 +247,11 @@ def check_target(target: object, robot: Robot) -> GaitTarget:
             if isinstance(target, GaitTarget)
             else type(target).__name__
         )
-        message = f"update(t) of a gait must return a GaitTarget of {feet} feet, got {got}"
-        raise InputError(message, name="gait", value=target)
+        raise InputError(
+            f"update(t) of a gait must return a GaitTarget of {feet} feet, got {got}",
+            name="gait",
+            value=target,
+        )
     return target
 
 
@@ -318,12 +321,10 @@ def two_legs(robot: Robot) -> tuple[LegGeometry, LegGeometry]:
     """
     checks.instance("robot", robot, Robot)
     if len(robot.feet) != 2:
-        message = (
-            f"this gait is for bipeds of Harpy's kind: it needs two feet, '{robot.name}' has "
-            f"{len(robot.feet)}"
-        )
         raise InputError(
-            f"{message}; use {'hp.WalkingGait or hp.Standing' if robot.feet else 'hp.Hovering'}",
+            f"this gait is for bipeds of Harpy's kind: it needs two feet, '{robot.name}' has "
+            f"{len(robot.feet)}; "
+            f"use {'hp.WalkingGait or hp.Standing' if robot.feet else 'hp.Hovering'}",
             name="robot",
         )
     left, right = (LegGeometry.from_robot(robot, foot) for foot in robot.feet)

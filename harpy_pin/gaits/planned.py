@@ -284,8 +284,7 @@ class PlannedGait(Gait):
         except Exception as error:
             self.refused, self.error = self.refused + 1, error
             if self.refused == 1:
-                message = f"a plan was refused at {self._time:.3f} s: {error!r}"
-                warnings.warn(message, stacklevel=2)
+                warnings.warn(f"a plan was refused at {self._time:.3f} s: {error!r}", stacklevel=2)
 
     def _check(self, plan: Plan, state: State) -> None:
         """Refuse what cannot be followed.
@@ -296,8 +295,10 @@ class PlannedGait(Gait):
         checks.instance("plan", plan, Plan)
         t, begin, end = self._time, float(plan.times[0]), float(plan.times[-1])
         if plan.feet != len(self.robot.feet):
-            message = f"it has {plan.feet} feet, and '{self.robot.name}' {len(self.robot.feet)}"
-            raise InputError(message, name="plan")
+            raise InputError(
+                f"it has {plan.feet} feet, and '{self.robot.name}' {len(self.robot.feet)}",
+                name="plan",
+            )
         if not begin - FUTURE <= t < end:
             raise InputError(f"it is for {begin:.3f} to {end:.3f} s at {t:.3f} s", name="plan")
         speed = np.diff(plan.position, axis=0) / np.diff(plan.times)[:, None]
@@ -320,8 +321,9 @@ class PlannedGait(Gait):
         away = float(np.linalg.norm(now.position - self._measured(plan.centre_of_mass, state)[0]))
         turned = float(np.linalg.norm(pin.log3(body.T @ now.rotation)))
         if away > JUMP * self._leg or turned > TURN:
-            message = f"it is {away:.2f} m and {turned:.2f} rad from the measured body"
-            raise InputError(message, name="plan")
+            raise InputError(
+                f"it is {away:.2f} m and {turned:.2f} rad from the measured body", name="plan"
+            )
 
     def _measured(self, centre: bool, state: State) -> tuple[Vector, Vector]:
         """Place and velocity of the body's origin, or the centre of mass, in world axes."""

@@ -331,9 +331,10 @@ def read_posture(robot: Robot, posture: ArrayLike) -> Vector:
     beyond = (lower < upper) & ((angles < lower - ROUNDING) | (angles > upper + ROUNDING))
     for k in np.flatnonzero(beyond):
         limits = f"{lower[k]:g} to {upper[k]:g} rad"
-        message = (
+        raise InputError(
             f"posture: joint '{robot.joints[k]}' is at {angles[k]:g} rad, beyond its limits "
-            f"{limits}"
+            f"{limits}",
+            name="posture",
+            value=posture,
         )
-        raise InputError(message, name="posture", value=posture)
     return angles

@@ -348,8 +348,11 @@ def penetration_offset_on(robot: Robot, stiffness: float) -> float:
     offset = TUNED_OFFSET * (TUNED_STIFFNESS / stiffness) * (robot.mass / TUNED_MASS)
     if offset > MAX_OFFSET:
         sinks = f"a foot would sink by {offset:g} m"
-        message = f"a ground of stiffness {stiffness:g} N/m is too soft for this walk: {sinks}"
-        raise InputError(message, name="stiffness", value=stiffness)
+        raise InputError(
+            f"a ground of stiffness {stiffness:g} N/m is too soft for this walk: {sinks}",
+            name="stiffness",
+            value=stiffness,
+        )
     return offset
 
 

@@ -1,7 +1,5 @@
 """The way of a swing foot from where it is to where it lands."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

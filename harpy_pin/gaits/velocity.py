@@ -144,11 +144,12 @@ class FollowsVelocity(Gait):
             or array.ndim != 1
             or not 3 <= len(array) <= len(self._given)
         ):
-            message = (
+            raise InputError(
                 f"the function of the velocity must return (forward, sideways, turning), got "
-                f"{given!r:.60}"
+                f"{given!r:.60}",
+                name="velocity",
+                value=given,
             )
-            raise InputError(message, name="velocity", value=given)
         self._given[: len(array)] = array
         self._given[len(array) :] = 0.0
 

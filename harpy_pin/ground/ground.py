@@ -146,8 +146,11 @@ class Ground:
         if self.terrain is not None:
             checks.keep(self, terrain=read_terrain(self.terrain))
             if self.slope != 0.0:
-                message = "a ground has a slope or a terrain, not both: terrain=Plane(slope=...)"
-                raise InputError(message, name="slope", value=self.slope)
+                raise InputError(
+                    "a ground has a slope or a terrain, not both: terrain=Plane(slope=...)",
+                    name="slope",
+                    value=self.slope,
+                )
 
     @checked
     def fitted(self, robot: Robot, *, walks: bool) -> Ground:

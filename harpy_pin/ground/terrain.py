@@ -239,10 +239,11 @@ class HeightField(Terrain):
             heights = np.zeros(0)
         if heights.ndim != 2 or not all(2 <= n <= MAX_CELLS for n in heights.shape):
             got = f"an array of shape {heights.shape}" if heights.ndim == 2 else shown(self.heights)
-            message = (
-                f"heights must be 2 to {MAX_CELLS} rows of 2 to {MAX_CELLS} numbers, got {got}"
+            raise InputError(
+                f"heights must be 2 to {MAX_CELLS} rows of 2 to {MAX_CELLS} numbers, got {got}",
+                name="heights",
+                value=self.heights,
             )
-            raise InputError(message, name="heights", value=self.heights)
         if not (np.abs(heights) <= HIGHEST).all():
             raise InputError(
                 f"heights must be finite and within {HIGHEST:g} m",

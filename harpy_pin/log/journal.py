@@ -7,8 +7,6 @@ comes one for each block of rows, which are float64, and at the end one with the
 that has ended.
 """
 
-from __future__ import annotations
-
 import json
 import math
 import os
@@ -101,12 +99,11 @@ class Journal:
         self._metadata = to_json(target, metadata)
         check_writable(self.path)
         if self.path.exists():
-            message = (
-                f"cannot write '{target}': another run is writing it, or died: '{self.path}' "
-                f"is its journal"
-            )
             raise RunFileError(
-                f"{message}; give this one another name, or move that file away", path=self.path
+                f"cannot write '{target}': another run is writing it, or died: '{self.path}' "
+                f"is its journal; "
+                "give this one another name, or move that file away",
+                path=self.path,
             )
 
     def begin(self, layout: Layout) -> None:
@@ -157,11 +154,13 @@ class Journal:
         self._file.seek(0)
         found = deque(payload for kind, payload in _records(self._file) if kind == ROWS)
         if len(found) < self._added:
-            message = (
+            warnings.warn(
                 f"'{self.path}' was damaged while the run went on: "
-                f"{self._added - len(found)} blocks of its log"
+                f"{self._added - len(found)} blocks of its log "
+                "are lost",
+                RunFileWarning,
+                stacklevel=3,
             )
-            warnings.warn(f"{message} are lost", RunFileWarning, stacklevel=3)
         return found
 
     def close(self) -> None:

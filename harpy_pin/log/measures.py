@@ -1,7 +1,5 @@
 """What a run achieved, by the measures of equations.md §3."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import asdict, dataclass, field, fields
 from typing import Any

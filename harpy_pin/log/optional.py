@@ -2,8 +2,6 @@
 names them.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 
@@ -44,11 +42,12 @@ def optional_signal(run: Run, name: str) -> NDArray[Any] | None:
     if name == "x_r" and len(found) == 1 and found[0] > 3:
         desired = found
     if found != desired or (desired and signal.dtype.kind != "f"):
-        message = (
+        raise InputError(
             f"the signal {name} of the run must have rows of {desired} floats, got {found} "
-            f"of {signal.dtype}"
+            f"of {signal.dtype}",
+            name="run",
+            value=name,
         )
-        raise InputError(message, name="run", value=name)
     return signal
 
 

@@ -1,7 +1,5 @@
 """Recorder: the rows of a run while it goes on, in memory or in a journal on disk."""
 
-from __future__ import annotations
-
 import struct
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence

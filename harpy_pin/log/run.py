@@ -123,11 +123,12 @@ class Run:
         if not os.path.isfile(source) and os.path.isfile(journal):
             source = journal
         elif os.path.isfile(journal) and source != journal:
-            message = (
+            warnings.warn(
                 f"'{source}' is an older run: '{journal}' beside it is the journal of one "
-                f"that has not ended"
+                f"that has not ended",
+                RunFileWarning,
+                stacklevel=2,
             )
-            warnings.warn(message, RunFileWarning, stacklevel=2)
         if not os.path.isfile(source):
             raise RunFileError(f"no run log at '{source}'", path=source)
         try:

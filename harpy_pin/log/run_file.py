@@ -2,8 +2,6 @@
 never trusted.
 """
 
-from __future__ import annotations
-
 import json
 import math
 import os

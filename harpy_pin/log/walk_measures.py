@@ -2,8 +2,6 @@
 pressure keeps inside.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

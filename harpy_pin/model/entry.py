@@ -6,8 +6,6 @@ kernel takes no such argument, the functions below say what is wrong, or make fl
 may be used all the same (lists, integers).
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

@@ -9,8 +9,6 @@ Four corners have twelve accelerations, of which six are independent, because a 
 holds a flat foot holds those six (:func:`harpy_pin.model.terms.flat_foot_rows`).
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product

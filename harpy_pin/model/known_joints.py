@@ -1,7 +1,5 @@
 """What is known of a robot's joints beyond its URDF."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import dataclass
 from pathlib import Path
@@ -52,6 +50,7 @@ def read_joints(path: str | Path) -> KnownJoints:
             for name in NAMES
         }
     except (OSError, ValueError, LookupError, TypeError, AttributeError) as error:
-        message = f"no joints in {shown(str(path), 300)}: {reason(error)}"
-        raise RobotError(message, path=path) from error
+        raise RobotError(
+            f"no joints in {shown(str(path), 300)}: {reason(error)}", path=path
+        ) from error
     return KnownJoints(tuple(found), **columns)

@@ -1,7 +1,5 @@
 """Legs of a robot: which joints move a foot, and which of them is the knee, by their axes."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

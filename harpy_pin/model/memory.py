@@ -6,8 +6,6 @@ another shape or length in place. So kernels would write into a record that no a
 more, or past the end of an array that is too short.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from copy import deepcopy
 from operator import attrgetter
@@ -130,11 +128,12 @@ def _checked(name: str, value: ArrayLike, held: _Array) -> _Array:
         return checks.vector(name, value, held.shape)
     given = np.asarray(value)
     if given.shape != held.shape or not np.can_cast(given.dtype, held.dtype, "same_kind"):
-        message = (
+        raise InputError(
             f"{name} must have shape {held.shape} and type {held.dtype}, got {given.shape} "
-            f"and {given.dtype}"
+            f"and {given.dtype}",
+            name=name,
+            value=value,
         )
-        raise InputError(message, name=name, value=value)
     return given
 
 

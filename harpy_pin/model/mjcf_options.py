@@ -1,7 +1,5 @@
 """What the options of a MuJoCo model disable, and what is then without effect."""
 
-from __future__ import annotations
-
 import copy
 from typing import Any
 

@@ -9,8 +9,6 @@ variables*: three numbers for each free thruster, then one for each rotor.
 one to the other.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -97,12 +97,12 @@ def named_robot(robot: Any) -> str | Robot:
         warnings.simplefilter("ignore")  # they were shown when it was read
         same = "file" in robot.source and read_robot(robot.source).model == robot.model
     if not same:
-        message = (
-            f"'{robot.name}' is not what its file says, which no scenario can write down: "
-            f"change it by"
-        )
         raise InputError(
-            f"{message} with_joints, or give hp.walk a gait of it", name="robot", value=robot
+            f"'{robot.name}' is not what its file says, which no scenario can write down: "
+            f"change it by "
+            "with_joints, or give hp.walk a gait of it",
+            name="robot",
+            value=robot,
         )
     if robot.source == {"file": robot.label}:
         return robot.label

@@ -10,8 +10,6 @@ whole-body controller's default solver) the last digits may differ, as they depe
 memory lies; those of ``active_set`` do not.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -105,8 +103,11 @@ def build(
     if controller is not None and not callable(controller):
         maker = "a function or a class that makes the controller from the gait"
         example = "the class itself, or lambda gait: controller"
-        message = f"controller must be {maker}, such as {example}; got {shown(controller)}"
-        raise InputError(message, name="controller", value=controller)
+        raise InputError(
+            f"controller must be {maker}, such as {example}; got {shown(controller)}",
+            name="controller",
+            value=controller,
+        )
     checks.function("controller", controller, 1)
     own = tuple(
         name for name, given in (("gait", gait), ("controller", controller)) if given is not None
@@ -123,12 +124,10 @@ def build(
         scenario = replace(scenario, ground=scenario.ground.fitted(robot, walks=gait.walks))
         gait = _on_ground(gait, Stand(), scenario) if gait.terrain is None else gait
     if scenario.robot != "harpy" and scenario.robot_name != gait.robot.name:
-        message = (
-            f"the gait is of '{gait.robot.name}', the scenario of '{scenario.robot_name}'; a "
-            f"gait of one's own"
-        )
         raise InputError(
-            f"{message} brings its robot along: leave robot out of the scenario",
+            f"the gait is of '{gait.robot.name}', the scenario of '{scenario.robot_name}'; a "
+            f"gait of one's own "
+            "brings its robot along: leave robot out of the scenario",
             name="gait",
             value=gait,
         )

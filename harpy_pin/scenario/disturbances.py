@@ -2,8 +2,6 @@
 gait's.
 """
 
-from __future__ import annotations
-
 from dataclasses import asdict, dataclass, field
 from typing import Any
 

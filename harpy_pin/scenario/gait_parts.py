@@ -244,11 +244,12 @@ def _rows(velocity: Any, entries: int) -> tuple[tuple[float, ...], ...]:
     if isinstance(velocity, str):
         velocity = [_row(part, first=k == 0) for k, part in enumerate(velocity.split(";"))]
     if not is_sequence(velocity) or not len(velocity):
-        message = (
+        raise InputError(
             f"velocity must be (forward, sideways, turning) or rows of (t, ...), got "
-            f"{shown(velocity)}"
+            f"{shown(velocity)}",
+            name="velocity",
+            value=velocity,
         )
-        raise InputError(message, name="velocity", value=velocity)
     first, rows, _ = read_velocity(velocity, entries)
     return tuple((t, *command.tolist()) for t, command in rows or ((0.0, first),))
 
@@ -265,7 +266,9 @@ def _row(text: str, *, first: bool) -> list[float]:
             raise ValueError
         return [float(words[0][:-1]), *(float(word) for word in words[1:])]
     except (IndexError, ValueError):
-        message = (
-            f"velocity must look like 'VX VY W; Ts VX VY W' (m/s, m/s, rad/s), got '{text.strip()}'"
-        )
-        raise InputError(message, name="velocity", value=text) from None
+        raise InputError(
+            f"velocity must look like 'VX VY W; Ts VX VY W' (m/s, m/s, rad/s), got "
+            f"'{text.strip()}'",
+            name="velocity",
+            value=text,
+        ) from None

@@ -88,10 +88,11 @@ def read_part(
         fitting = (name for name in usual if settings.keys() <= kinds[name].settings().keys())
         name = next(fitting, usual[0])
     if "import" in value and (not isinstance(name, str) or name not in kinds):
-        message = (
-            f"the {what} {shown(name)} is known after 'import {value['import']}', which is missing"
+        raise InputError(
+            f"the {what} {shown(name)} is known after 'import {value['import']}', which is missing",
+            name=what,
+            value=value,
         )
-        raise InputError(message, name=what, value=value)
     check_part_name(kinds, what, name)
     kind = kinds[str(name)]
     for key in settings:

@@ -11,7 +11,7 @@ from typing import Any
 
 from harpy_pin import checks
 from harpy_pin.arguments import checked
-from harpy_pin.errors import InputError, shown
+from harpy_pin.errors import InputError
 from harpy_pin.estimation import Imu
 from harpy_pin.ground.ground import Ground, Unset
 from harpy_pin.log.run import Run
@@ -160,19 +160,21 @@ class Scenario:
                 f"schedule of '{self.robot_name}'", self.gait.schedule, schedules_of(self.robot)
             )
         if self.gait.not_governed and controller == "governed":
-            message = (
+            raise InputError(
                 f"the paper's controller {self.gait.not_governed}: walk a {gait} gait with "
-                f"'condensed' or 'wbc'"
+                f"'condensed' or 'wbc'",
+                name="gait",
+                value=gait,
             )
-            raise InputError(message, name="gait", value=gait)
         if self.robot == "harpy":
             return
         if controller == "governed":
-            message = (
+            raise InputError(
                 f"the governed controller is for Harpy: '{self.robot_name}' takes "
-                f"'condensed' or 'wbc'"
+                f"'condensed' or 'wbc'",
+                name="controller",
+                value=controller,
             )
-            raise InputError(message, name="controller", value=controller)
         if self.urdf is not None:
             raise InputError(
                 "urdf is a variant of Harpy: it goes with robot='harpy'",
@@ -184,8 +186,11 @@ class Scenario:
         """Whether steps, ticks, delay and pushes fit into each other and into the duration."""
         pushes, delay = self.disturbances.pushes, self.disturbances.delay
         if self.sensors is not None and (self.disturbances.noise or delay > 0.0):
-            message = "sensors have noise of their own: leave the disturbances' noise and delay out"
-            raise InputError(message, name="sensors", value=self.sensors)
+            raise InputError(
+                "sensors have noise of their own: leave the disturbances' noise and delay out",
+                name="sensors",
+                value=self.sensors,
+            )
         check_pushes(pushes, 0.0, checks.ticks(self.duration, self.period) * self.period)
         checks.multiple("period", self.period, "physics step", self.dt)
         checks.multiple("delay", delay, "period", self.period, low=0)
@@ -231,10 +236,7 @@ class Scenario:
         Raises:
             InputError: unknown names, or values out of their domains.
         """
-        if not isinstance(data, Mapping):
-            raise InputError(
-                f"scenario must be a mapping, got {shown(data)}", name="scenario", value=data
-            )
+        checks.mapping("scenario", data)
         data = {**data, "robot": named_robot(data.get("robot", "harpy"))}
         for name in data:
             checks.one_of("entry of the scenario", name, [entry.name for entry in fields(cls)])
@@ -261,11 +263,10 @@ class Scenario:
             parts = " and ".join(
                 name for name in ("gait", "controller") if isinstance(own, list) and name in own
             )
-            message = (
-                f"the run was walked with its own {parts or 'parts'}, which its scenario "
-                f"does not hold"
-            )
             raise InputError(
-                f"{message}; Scenario.from_dict(run.metadata['scenario']) is the rest", name="run"
+                f"the run was walked with its own {parts or 'parts'}, which its scenario "
+                f"does not hold; "
+                "Scenario.from_dict(run.metadata['scenario']) is the rest",
+                name="run",
             )
         return cls.from_dict(run.metadata["scenario"])

@@ -49,8 +49,11 @@ class Recorder:
         """
         state, command = as_state(state, self.robot), as_command(command, self.robot)
         if len(self._rows) and not state.t > self._last:
-            message = f"time must go on from tick to tick, got {state.t:g} s after {self._last:g} s"
-            raise InputError(message, name="state.t", value=state.t)
+            raise InputError(
+                f"time must go on from tick to tick, got {state.t:g} s after {self._last:g} s",
+                name="state.t",
+                value=state.t,
+            )
         row: dict[str, Any] = {entry.name: getattr(state, entry.name) for entry in fields(State)}
         row |= {"torque": command.torque, "thrust": command.thrust}
         if command.law is not None:

@@ -151,8 +151,11 @@ class PinocchioPlant(SteppedPlant):
             needed = (
                 f"{self.substeps * self.stages:,} evaluations in a physics step of {self.dt:g} s"
             )
-            message = f"feet are too light, or the ground too stiff, for explicit steps: {needed}"
-            raise InputError(message, name="ground", value=ground)
+            raise InputError(
+                f"feet are too light, or the ground too stiff, for explicit steps: {needed}",
+                name="ground",
+                value=ground,
+            )
 
     def _feet_at(self, q: Vector) -> tuple[Vector, Vector]:
         """Jacobian (3 feet, nv) and positions (feet, 3) of the feet, world axes."""

@@ -408,8 +408,9 @@ class Plant(KeepsViews, ABC):
         if interrupted:
             raise Interrupted(f"interrupted at t = {self.t:.3f} s{lost}", run=run) from unsaved
         if loop.failure is not None:
-            message = f"at t = {self.t:.3f} s the {loop.ending}{lost}"
-            raise ControlError(message, time=self.t, run=run) from loop.failure
+            raise ControlError(
+                f"at t = {self.t:.3f} s the {loop.ending}{lost}", time=self.t, run=run
+            ) from loop.failure
         if unsaved is not None:
             raise unsaved
         return run

@@ -88,5 +88,8 @@ def check_pushes(pushes: Sequence[Push], begin: float, end: float) -> None:
     _are_pushes(pushes)
     for push in pushes:
         if push.time + push.duration <= begin or push.time >= end:
-            message = f"a push at {push.time:g} s lies outside the run from {begin:g} to {end:g} s"
-            raise InputError(message, name="pushes", value=push)
+            raise InputError(
+                f"a push at {push.time:g} s lies outside the run from {begin:g} to {end:g} s",
+                name="pushes",
+                value=push,
+            )

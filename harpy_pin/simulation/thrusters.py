@@ -101,8 +101,11 @@ def _read_failing(value: Any) -> tuple[int, float, float]:
     try:
         index, time, share = value
     except (TypeError, ValueError):
-        message = f"thrusters' failing must be (index, time, share), got {shown(value)}"
-        raise InputError(message, name="failing", value=value) from None
+        raise InputError(
+            f"thrusters' failing must be (index, time, share), got {shown(value)}",
+            name="failing",
+            value=value,
+        ) from None
     index = checks.whole("thrusters' failing index", index)
     time = checks.number("thrusters' failing time", time, low=0.0)
     return index, time, checks.number("thrusters' failing share", share, low=0.0, high=1.0)

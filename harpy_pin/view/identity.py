@@ -64,11 +64,12 @@ def robot_of(run: Run, urdf: str | Path | None = None) -> Robot:
         return read_robot(source if urdf is None else {**source, "file": str(urdf)})
     if urdf is not None:
         return load_robot(Path(urdf), feet=feet, thrusters=thrusters or ())
-    message = (
+    raise InputError(
         f"the log is of a robot {shown(name)} with the feet {shown(feet, 200)}, which is not "
-        f"known by name"
+        f"known by name: "
+        "give its URDF, as urdf or --robot FILE",
+        name="urdf",
     )
-    raise InputError(f"{message}: give its URDF, as urdf or --robot FILE", name="urdf")
 
 
 def _names(run: Run, kind: str) -> tuple[str, ...] | None:

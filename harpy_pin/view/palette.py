@@ -2,8 +2,6 @@
 and in print.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 
 CONTACT = "#0072b2"

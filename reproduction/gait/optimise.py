@@ -5,8 +5,6 @@ takes to resume: the candidates are asked for again, and answered with their old
 first new walk.
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable, Generator
 from dataclasses import dataclass, replace

@@ -7,8 +7,6 @@ that the next step depends on, x left out. After one step the legs change names,
 equal steps is a fixed point of the map.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

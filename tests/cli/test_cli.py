@@ -183,8 +183,7 @@ def test_a_log_is_walked_again(command, tmp_path):
         assert option[0] in err
 
 
-def test_a_log_without_a_scenario_is_not_walked_again(command, robot, tmp_path):
-    gait = hp.make_gait(robot)
+def test_a_log_without_a_scenario_is_not_walked_again(gait, command, robot, tmp_path):
     simulator = hp.Simulator(robot)
     simulator.reset(*gait.initial_state(penetration=simulator.static_penetration))
     simulator.run(hp.make_controller("wbc", gait, mu=0.3), 0.002).save(tmp_path / "a.npz")

@@ -232,10 +232,9 @@ def test_the_example_of_the_docs(tmp_path, monkeypatch, capsys):
     assert len(line_up(run)[0].frames.robot.joints) == 12
 
 
-def test_what_no_recorder_takes(tmp_path):
-    robot = hp.load_robot("go2")
-    q, v = hp.Standing(robot).initial_state()
-    recorder = hp.Recorder(robot)
+def test_what_no_recorder_takes(go2, tmp_path):
+    q, v = hp.Standing(go2).initial_state()
+    recorder = hp.Recorder(go2)
 
     def add(t, height=0.3, torque=0.0):
         place = np.zeros((4, 3))

@@ -5,8 +5,6 @@ traceback, and cuts no result: a file is there whole, or not at all. ``--fuzz 20
 signals.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import random

@@ -4,8 +4,6 @@ itself.
 Nothing is walked here: where a command would begin to, its numbers have been accepted.
 """
 
-from __future__ import annotations
-
 from typing import get_args
 
 import pytest

@@ -1,7 +1,5 @@
 """The problems that peers are given."""
 
-from __future__ import annotations
-
 import pytest
 from peer_cases import CASES, Make
 

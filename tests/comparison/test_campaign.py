@@ -1,7 +1,5 @@
 """The campaign: which walks, what they are, their file, and what is said of them."""
 
-from __future__ import annotations
-
 import json
 import subprocess
 import sys

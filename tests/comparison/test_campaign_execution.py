@@ -1,7 +1,5 @@
 """A campaign is done to its end: a kill does not change the outcome."""
 
-from __future__ import annotations
-
 import json
 import os
 import signal

@@ -1,7 +1,5 @@
 """The whole comparison: its document and its command line."""
 
-from __future__ import annotations
-
 import json
 import subprocess
 import sys

@@ -2,8 +2,6 @@
 near the truth on a walk.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 

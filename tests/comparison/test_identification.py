@@ -1,7 +1,5 @@
 """The study of joints from a log, on Harpy: no wheel of the tests has other robots."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -2,8 +2,6 @@
 its gains.
 """
 
-from __future__ import annotations
-
 from dataclasses import asdict
 
 import numpy as np

@@ -2,8 +2,6 @@
 asserted.
 """
 
-from __future__ import annotations
-
 import json
 from typing import Any
 
@@ -94,8 +92,9 @@ def test_finite_makes_anything_valid_json() -> None:
     json.dumps(value, allow_nan=False)
 
 
-def test_every_contender_is_shown_identical_states(sequences: list[StateSequence]) -> None:
-    robot = hp.load_harpy()
+def test_every_contender_is_shown_identical_states(
+    robot: hp.Robot, sequences: list[StateSequence]
+) -> None:
     seen: dict[str, list[hp.State]] = {}
     digest = sequences[0].digest()
     for name in TIMED:
@@ -225,8 +224,7 @@ def test_interleaving_reaches_every_piece_once() -> None:
     assert np.flatnonzero(~mask).tolist() == [0, 1, 2, 7, 8, 14, 15, 21, 22]
 
 
-def test_a_walk_that_is_too_short_says_so(sequences: list[StateSequence]) -> None:
-    robot = hp.load_harpy()
+def test_a_walk_that_is_too_short_says_so(robot: hp.Robot, sequences: list[StateSequence]) -> None:
     run = recorded_walk("governed", friction=FRICTION, duration=0.05)
     with pytest.raises(hp.InputError, match="50 ticks"):
         record_states("governed", run, least=100)

@@ -1,7 +1,5 @@
 """The command that compares with peers: what it reports, and when it fails."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any

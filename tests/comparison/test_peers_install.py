@@ -1,7 +1,5 @@
 """Environments of the peers: their installation, and what it leaves alone."""
 
-from __future__ import annotations
-
 import subprocess
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """The URDF that peers read is the robot."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What peers are given is the program that our controllers solve."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The replay of our own controllers in a process of its own."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Workers: scripts that import nothing of ours, and that may break or hang."""
 
-from __future__ import annotations
-
 import ast
 import sys
 from pathlib import Path

@@ -2,8 +2,6 @@
 missing said.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import h5py

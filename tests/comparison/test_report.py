@@ -2,8 +2,6 @@
 changed between two.
 """
 
-from __future__ import annotations
-
 import copy
 import csv
 import io

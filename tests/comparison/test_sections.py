@@ -2,8 +2,6 @@
 time is judged.
 """
 
-from __future__ import annotations
-
 from importlib.metadata import PackageNotFoundError
 from typing import Any
 
@@ -40,9 +38,8 @@ def test_ticks_count_every_controller_and_add_up(whole_document: dict[str, Any])
     assert ticks["wbc"]["fallbacks"] == 0
 
 
-def test_contenders_of_the_ticks_agree_where_they_are_the_same() -> None:
+def test_contenders_of_the_ticks_agree_where_they_are_the_same(robot: hp.Robot) -> None:
     """By every solver the QP controller gives the same commands."""
-    robot = hp.load_harpy()
     states = record_states(
         OWN, recorded_walk(OWN, friction=0.25, duration=0.8, impulse=3.0), least=1
     ).states
@@ -69,12 +66,11 @@ def test_formulations_are_the_same_problem(whole_document: dict[str, Any]) -> No
             assert row["difference_max"] < limit, (formulation, solver)
 
 
-def test_growth_reports_what_is_absent(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_growth_reports_what_is_absent(robot: hp.Robot, monkeypatch: pytest.MonkeyPatch) -> None:
     def missing(name: str) -> Any:
         raise PackageNotFoundError(name)
 
     monkeypatch.setattr(catalogue, "distribution", missing)
-    robot = hp.load_harpy()
     told: list[int] = []
 
     def stage(count: int) -> Any:

@@ -1,7 +1,5 @@
 """Every study in small: its document makes its tables, and they say what was walked."""
 
-from __future__ import annotations
-
 import json
 from types import SimpleNamespace
 from typing import Any

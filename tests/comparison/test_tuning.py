@@ -2,8 +2,6 @@
 goes on.
 """
 
-from __future__ import annotations
-
 from dataclasses import asdict, replace
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Logs of one's own robot: in and out of files, and what is wrong with them."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from needs import needs_robots
@@ -13,11 +11,6 @@ from harpy_pin.log.run import Run
 
 pytestmark = needs_robots
 SENSED = ("gyroscope", "accelerometer", "joint_position", "joint_velocity", "joint_torque", "q")
-
-
-@pytest.fixture(scope="module")
-def go2():
-    return hp.load_robot("go2")
 
 
 @pytest.fixture(scope="module")

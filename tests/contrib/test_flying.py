@@ -67,11 +67,10 @@ def test_a_jump_is_as_high_and_as_far_as_asked_for_and_stands(jumped):
     assert end[2] == pytest.approx(jumped["q"][0, 2], abs=0.02)
 
 
-def test_momentum_in_the_air_changes_by_thrust_and_gravity_alone(jumped):
+def test_momentum_in_the_air_changes_by_thrust_and_gravity_alone(robot, jumped):
     """Linear and angular momentum about the centre of mass, by Pinocchio, against the thrusts
     logged.
     """
-    robot = hp.load_harpy()
     model, data = robot.model, robot.model.createData()
     air = ticks(jumped, "air")[20:-5]
     frames = [robot.frame_id(name) for name in robot.thrusters]
@@ -174,9 +173,8 @@ def test_it_flies_to_a_slope_and_walks_on():
 
 
 @pytest.mark.parametrize("rise", [-0.03, 0.03])
-def test_touchdown_is_felt_where_the_ground_is_not_as_expected(rise):
+def test_touchdown_is_felt_where_the_ground_is_not_as_expected(robot, rise):
     """The gait knows flat ground; where it lands there is a platform, or a pit."""
-    robot = hp.load_harpy()
     terrain = hp.ground.Ramp(slope=float(np.arctan(rise / 0.1)), start=0.4, length=0.1)
     gait = FlyingGait(hp.make_commanded_gait(robot), Fly(forward=0.8, acceleration=2.0), start=0.1)
     run = walked(gait, mu_s=FRICTION, terrain=terrain, duration=6.2)
@@ -185,8 +183,7 @@ def test_touchdown_is_felt_where_the_ground_is_not_as_expected(rise):
     assert run["q"][-1, 2] == pytest.approx(run["q"][0, 2] + rise, abs=0.02)
 
 
-def test_several_flights_one_after_the_other_and_time_begins_anew():
-    robot = hp.load_harpy()
+def test_several_flights_one_after_the_other_and_time_begins_anew(robot):
     gait = FlyingGait(
         hp.make_commanded_gait(robot), [Jump(height=0.15), Jump(height=0.2)], start=0.1
     )

@@ -1,7 +1,5 @@
 """Joints identified from logs that MuJoCo made, and what is said of logs that are wrong."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 
@@ -238,16 +236,15 @@ def test_forces_of_feet_drop_out():
     assert np.all(error < 1e-8)
 
 
-def test_a_walk_on_the_estimate_alone():
+def test_a_walk_on_the_estimate_alone(solo12):
     """Joints of legs in the air: the plant is the library's own, with dry friction."""
-    robot = hp.load_robot("solo12")
     rng = np.random.default_rng(1)
     truth = {
         name: scale * np.exp(rng.uniform(-1.0, 1.0, 12))
         for name, scale in (("armature", 0.003), ("damping", 0.03), ("friction", 0.05))
     }
     scenario = hp.Scenario(
-        robot=robot.with_joints(**truth),
+        robot=solo12.with_joints(**truth),
         gait=hp.Walking(velocity=(0.4, 0.0, 0.0)),
         ground=hp.Ground(mu_s=0.8),
         state="estimated",
@@ -255,7 +252,7 @@ def test_a_walk_on_the_estimate_alone():
     )
     run = hp.walk(scenario)
     log = {"t": run["t"], "q": run["estimated_q"], "v": run["estimated_v"]}
-    found = identify(robot, log | {"torque": run["torque"]})
+    found = identify(solo12, log | {"torque": run["torque"]})
     for name, least in (("armature", 4), ("damping", 0), ("friction", 1)):
         known = np.isfinite(getattr(found, name))
         assert known.sum() >= least
@@ -324,10 +321,9 @@ def test_sensors_names_and_gains_that_never_change(robot, copy, plan, truth):
     assert once.armature == pytest.approx(found.armature, nan_ok=True)
 
 
-def test_unitree_messages(tmp_path):
+def test_unitree_messages(go2, tmp_path):
     """Legs come in Unitree's order, times from the robot's clock, and a command holds."""
     writer = pytest.importorskip("mcap.writer")
-    go2 = hp.load_robot("go2")
     legs = [f"{leg}_{part}_joint" for leg in ("FR", "FL", "RR", "RL") for part in PARTS]
     imu = {"gyroscope": [0.0, 0.0, 0.1], "accelerometer": [0.0, 0.0, 9.8]}
     with (tmp_path / "log.mcap").open("wb") as file:

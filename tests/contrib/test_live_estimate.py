@@ -1,7 +1,5 @@
 """Live on the estimate: it walks, and no change tells it where the robot is."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 import pytest

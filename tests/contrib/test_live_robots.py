@@ -1,7 +1,5 @@
 """Live: robots other than Harpy. The session by a made-up clock, and its log."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np
@@ -18,11 +16,6 @@ from harpy_pin.log.run import Run
 from harpy_pin.view.identity import robot_of
 
 pytestmark = needs_robots
-
-
-@pytest.fixture(scope="module")
-def go2() -> hp.Robot:
-    return hp.load_robot("go2")
 
 
 def make(robot: hp.Robot, **settings: Any) -> LiveSession:

@@ -2,9 +2,6 @@
 page.
 """
 
-from __future__ import annotations
-
-import multiprocessing
 from itertools import pairwise, permutations
 from pathlib import Path
 from typing import Any
@@ -16,7 +13,7 @@ import harpy_pin as hp
 from harpy_pin.contrib.live.drive import Drive, LiveLog
 from harpy_pin.contrib.live.live_session import PERIOD, LiveSession
 from harpy_pin.contrib.live.settings import LiveSettings, usual_settings
-from harpy_pin.contrib.live.shared_snapshots import PLACES, SharedSnapshots
+from harpy_pin.contrib.live.snapshots import snapshot
 from harpy_pin.contrib.live.times import RealTimePacer, TickTimes
 from harpy_pin.controllers.gait_controller import GaitController
 from harpy_pin.errors import InputError, RunFileError
@@ -303,24 +300,6 @@ def test_tick_times_are_percentiles() -> None:
     assert late.percentile(50.0) == pytest.approx(1e6)
 
 
-def test_board_keeps_the_newest(robot: hp.Robot) -> None:
-    session = make(robot)
-    board = SharedSnapshots(multiprocessing.get_context("spawn"), session)
-    assert len(board.read(0)[0]) == 0
-    board.write(session)
-    session.step(3)
-    board.write(session)
-    found, seen = board.read(0)
-    assert found["t"].tolist() == pytest.approx([-0.001, 0.002])
-    assert np.array_equal(found["q"][1], session.last.state.q)
-    assert len(board.read(seen)[0]) == 0
-    for _ in range(PLACES + 10):
-        board.write(session)
-    found, seen = board.read(seen)
-    assert seen == PLACES + 12
-    assert len(found) == PLACES - 1
-
-
 def test_log_is_a_run_at_every_moment(robot: hp.Robot, tmp_path: Path) -> None:
     path = tmp_path / "drive.npz"
     session = make(robot)
@@ -383,12 +362,8 @@ def test_robot_stands_before_controllers_are_made(robot: hp.Robot) -> None:
     seen: list[tuple[float, float, bool]] = []
 
     def look(session: LiveSession) -> None:
-        board = SharedSnapshots(multiprocessing.get_context("spawn"), session)
-        board.write(session)
-        (snapshot,), _ = board.read(0)
-        seen.append(
-            (snapshot["q"][2], snapshot["x_r"][2], isinstance(session.controller, GaitController))
-        )
+        s = snapshot(session)
+        seen.append((s["q"][2], s["x_r"][2], isinstance(session.controller, GaitController)))
 
     session = LiveSession(LiveSettings(controller="paper"), robot=robot, on_standing=look)
     ((height, target, controlled),) = seen
@@ -420,15 +395,11 @@ def test_the_ground_tilts_about_the_place_below_the_body(robot: hp.Robot, name: 
         feet = session.simulator.state.foot_position
         below = session.plane.height(feet[:, 0].copy(), feet[:, 1].copy())
         assert np.abs(feet[:, 2] - below).min() < 0.01
-    board = SharedSnapshots(multiprocessing.get_context("spawn"), session)
-    board.write(session)
-    ((snapshot,), _) = board.read(0)
-    assert float(snapshot["ground_slope"]) == session.plane.slope
+    s = snapshot(session)
+    assert s["ground_slope"] == session.plane.slope
     angle = session.plane.slope
     normal = np.array((-np.sin(angle), 0.0, np.cos(angle)))
-    np.testing.assert_allclose(
-        snapshot["contact_force"][:, 2], snapshot["foot_force"] @ normal, atol=1e-9
-    )
+    np.testing.assert_allclose(s["contact_force"][:, 2], s["foot_force"] @ normal, atol=1e-9)
 
 
 def test_it_begins_on_the_slope_that_is_set(robot: hp.Robot) -> None:
@@ -444,10 +415,8 @@ def test_it_begins_on_the_slope_that_is_set(robot: hp.Robot) -> None:
 def test_power_is_that_of_the_last_tick(robot: hp.Robot) -> None:
     """Of the joints that do not brake, and of two fans of 18 N from 1 kW."""
     session = make(robot)
-    board = SharedSnapshots(multiprocessing.get_context("spawn"), session)
-    board.write(session)
+    before = snapshot(session)
     walk(session, 0.5)
-    board.write(session)
     joints = sum(
         max(t * w, 0.0)
         for t, w in zip(session.last.command.torque, session.last.state.v[6:], strict=True)
@@ -456,4 +425,5 @@ def test_power_is_that_of_the_last_tick(robot: hp.Robot) -> None:
         1000.0 * (float(np.linalg.norm(force)) / 18.0) ** 1.5
         for force in session.last.command.thrust
     )
-    np.testing.assert_allclose(board.read(0)[0]["power"], [[0.0, 0.0], [joints, fans]])
+    np.testing.assert_allclose(snapshot(session)["power"], [joints, fans])
+    np.testing.assert_array_equal(before["power"], [0.0, 0.0])  # a copy: it stays as it was

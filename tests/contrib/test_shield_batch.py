@@ -1,7 +1,5 @@
 """A batch of shields: every environment is answered as by a shield of its own."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from shield_cases import AT_ONCE, ROBOT, draw

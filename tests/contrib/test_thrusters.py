@@ -61,8 +61,7 @@ def test_healthy_fans_are_left_alone_in_a_jump():
     assert np.abs(run["thrust_effectiveness"] - 1.0).max() < 0.1
 
 
-def test_commands_stay_within_the_thrusters_limit():
-    robot = hp.load_harpy()
+def test_commands_stay_within_the_thrusters_limit(robot):
     built = hp.build(hp.Scenario(duration=0.1))
     watch = ThrustWatch(built.controller, robot)
     watch.effectiveness[:] = 0.2

@@ -1,7 +1,5 @@
 """Ticks keep nothing: after a warm-up, thousands of them leave no memory behind."""
 
-from __future__ import annotations
-
 import gc
 import tracemalloc
 

@@ -2,8 +2,6 @@
 and they hold while robots walk.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -63,9 +61,7 @@ def both(make_gait, tasks: list, weights: list, along: list[hp.State]) -> tuple:
     return worst, largest
 
 
-def test_harpy_has_the_optimum_of_the_program():
-    robot = hp.load_harpy()
-    gait = hp.make_gait(robot)
+def test_harpy_has_the_optimum_of_the_program(gait, robot):
     along = states(gait, "condensed", 1.2)[::7]
     tasks = [
         lambda: hp.FrameTask("base", part="orientation", rotation=np.eye(3), gains=(40.0, 8.0)),
@@ -78,14 +74,13 @@ def test_harpy_has_the_optimum_of_the_program():
 
 
 @needs_robots
-def test_a_humanoids_hand_has_the_optimum_of_the_program():
-    robot = hp.load_robot("g1")
+def test_a_humanoids_hand_has_the_optimum_of_the_program(g1):
 
     def walks() -> Gait:
-        return hp.WalkingGait(robot, velocity=(0.3, 0.0, 0.1))
+        return hp.WalkingGait(g1, velocity=(0.3, 0.0, 0.1))
 
     along = states(walks(), "condensed", 0.7)[::20]
-    goal = place_of(robot, HAND, walks().initial_state()[0])
+    goal = place_of(g1, HAND, walks().initial_state()[0])
     tasks = [
         lambda: hp.FrameTask(
             HAND, part="both", position=goal.translation, rotation=goal.rotation, gains=(40.0, 12.0)
@@ -125,9 +120,7 @@ def test_what_is_held_stays_where_the_body_carries_it(name, frame, millimetres):
     assert np.degrees(max(turned)) < 1.0
 
 
-def test_what_is_refused_changes_nothing():
-    robot = hp.load_harpy()
-    gait = hp.make_gait(robot)
+def test_what_is_refused_changes_nothing(gait, robot):
     along = states(gait, "condensed", 0.3)[::30]
     controller, same = (hp.make_controller("condensed", gait, mu=0.6) for _ in range(2))
     task = hp.JointTask(robot.joints[:2], gains=(0.0, 5.0))
@@ -148,9 +141,7 @@ def test_what_is_refused_changes_nothing():
         np.testing.assert_array_equal(controller.step(state).torque, same.step(state).torque)
 
 
-def test_a_weight_may_be_changed_in_place():
-    robot = hp.load_harpy()
-    gait = hp.make_gait(robot)
+def test_a_weight_may_be_changed_in_place(gait):
     state = states(gait, "condensed", 0.2)[-1]
     controller, without = (hp.make_controller("condensed", gait, mu=0.6) for _ in range(2))
     weight = controller.add(

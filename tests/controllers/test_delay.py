@@ -24,13 +24,12 @@ def half_a_second():
     return built.simulator.state
 
 
-def test_feedforward_alone_makes_the_forces_and_motion_it_asks_for(robot):
+def test_feedforward_alone_makes_the_forces_and_motion_it_asks_for(gait, robot):
     """Without any feedback, on the gait's own state: the force that sticking then demands of the
     foot that carries is the planned one up to what roll, pitch and yaw add, and a foot in the air
     accelerates as the gait asks.
     """
     joints = {"k_p": (0.0,) * 3, "k_i": (0.0,) * 3, "k_d": (0.0,) * 3}
-    gait = hp.make_gait(robot)
     controller = hp.make_controller(
         "governed",
         gait,
@@ -65,9 +64,8 @@ def test_feedforward_alone_makes_the_forces_and_motion_it_asks_for(robot):
     assert felt[0, 2] == pytest.approx(force[2], rel=0.1)
 
 
-def test_gains_follow_the_phase(robot):
+def test_gains_follow_the_phase(gait):
     """An error of one joint is answered by the stiffness of its leg's phase."""
-    gait = hp.make_gait(robot)
     gains = FeedforwardGains(stance_p=(500.0, 400.0, 300.0), swing_p=(90.0, 80.0, 70.0))
     parameters = {
         "legs": "feedforward",

@@ -2,8 +2,6 @@
 Harpy's.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np
@@ -151,9 +149,8 @@ def test_what_is_given_comes_before_the_gaits_and_the_gaits_before_the_robots() 
 
 @needs_robots
 @pytest.mark.parametrize("kind", [CondensedController, WholeBodyController])
-def test_controllers_that_are_given_nothing_fit(kind: type) -> None:
+def test_controllers_that_are_given_nothing_fit(go2: hp.Robot, kind: type) -> None:
     """Whoever makes them, and also what they are made of."""
-    go2 = hp.load_robot("go2")
     for gait in (OwnGait(go2, "stand"), hp.Standing(go2), hp.WalkingGait(go2), hp.make_gait(ROBOT)):
         assert kind(gait).parameters == WholeBodyParameters.for_gait(gait)
     weights = WholeBodyWeights(**fitting_parameters(go2)["weights"])

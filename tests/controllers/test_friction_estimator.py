@@ -225,10 +225,9 @@ def test_a_lower_coefficient_of_the_feet_is_one_of_the_limits(robot, name):
 
 
 @pytest.mark.parametrize("kind", [CondensedController, WholeBodyController])
-def test_a_controller_keeps_the_cones_of_its_estimate_at_every_tick(robot, kind):
+def test_a_controller_keeps_the_cones_of_its_estimate_at_every_tick(gait, robot, kind):
     """Whatever is measured, tick after tick."""
     rng = np.random.default_rng(3)
-    gait = hp.make_gait(robot)
     parameters = WholeBodyParameters.for_gait(
         gait, estimate_friction=True, solver="active_set", limits={"mu": 0.8}
     )

@@ -61,9 +61,8 @@ def test_the_qps_step_is_the_chain_of_its_phases(robot, solver, within):
         np.testing.assert_allclose(again.thrust, command.thrust, atol=within)
 
 
-def test_governed_tick_against_its_formulas(robot):
+def test_governed_tick_against_its_formulas(gait, robot):
     """Thrust and torque of one tick, written out in vectors."""
-    gait = hp.make_gait(robot)
     rng = np.random.default_rng(1)
     q, v = gait.initial_state()
     q, v = (
@@ -107,8 +106,7 @@ def test_governed_tick_against_its_formulas(robot):
     )
 
 
-def test_centre_of_pressure_is_held_in_flight(robot):
-    gait = hp.make_gait(robot)
+def test_centre_of_pressure_is_held_in_flight(gait):
     controller = GovernedController(gait)
     q, v = gait.initial_state()
     feet = np.array([[0.1, 0.1, 0.0], [-0.1, -0.1, 0.0]])
@@ -123,11 +121,10 @@ def test_centre_of_pressure_is_held_in_flight(robot):
     np.testing.assert_array_equal(controller.telemetry()["centre_of_pressure"], before)
 
 
-def test_target_out_of_reach_is_reported(robot):
+def test_target_out_of_reach_is_reported(gait, robot):
     """A body far from its target would need longer legs: the distance is logged, nothing is not a
     number.
     """
-    gait = hp.make_gait(robot)
     controller = GovernedController(gait)
     q, v = gait.initial_state()
     q[2] += 1.0

@@ -1,7 +1,5 @@
 """Settings of a governor by their names: what they change, and what is refused."""
 
-from __future__ import annotations
-
 import json
 from typing import Any
 

@@ -2,8 +2,6 @@
 for.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from walks import own_search, walked

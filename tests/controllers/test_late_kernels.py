@@ -2,8 +2,6 @@
 for a compiler.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import subprocess

@@ -2,8 +2,6 @@
 and keeps forces in their cones about the normals.
 """
 
-from __future__ import annotations
-
 from collections import Counter
 
 import numpy as np

@@ -6,8 +6,6 @@ noise and biases: the torques are those of inverse dynamics, with the least forc
 where it stands.
 """
 
-from __future__ import annotations
-
 import copy
 from dataclasses import dataclass
 from itertools import pairwise

@@ -2,8 +2,6 @@
 that they make.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 import pytest

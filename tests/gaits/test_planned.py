@@ -2,8 +2,6 @@
 planner is late, stops or goes wrong.
 """
 
-from __future__ import annotations
-
 import pickle
 import threading
 from concurrent.futures import ThreadPoolExecutor

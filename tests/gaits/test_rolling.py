@@ -174,13 +174,12 @@ def test_a_walk_rolls_over_its_toes_and_hardly_slips(name, speed, plant):
 
 
 @needs_robots
-def test_soles_stay_flat_where_steps_have_no_length_and_on_slopes():
-    robot = hp.load_robot("g1")
+def test_soles_stay_flat_where_steps_have_no_length_and_on_slopes(g1):
     for velocity, terrain, most in (
         ((0.0, 0.0, 0.0), None, 0.02),
         ((0.2, 0.0, 0.0), Plane(slope=0.1), 0.0),
     ):
-        gait, seen = hp.WalkingGait(robot, "step", velocity=velocity), []
+        gait, seen = hp.WalkingGait(g1, "step", velocity=velocity), []
         run = walk(
             gait,
             terrain=terrain,
@@ -231,12 +230,11 @@ def test_a_walk_that_begins_anew_stands_on_whole_soles():
 
 
 @needs_robots
-def test_a_robot_without_limits_of_torque_has_a_pace():
-    robot = hp.load_robot("g1")
-    speed = hp.WalkingGait(robot).max_speed
-    limits = robot.model.effortLimit.copy()
+def test_a_robot_without_limits_of_torque_has_a_pace(g1):
+    speed = hp.WalkingGait(g1).max_speed
+    limits = g1.model.effortLimit.copy()
     try:
-        robot.model.effortLimit[6:] = np.inf
-        assert hp.WalkingGait(robot).max_speed == pytest.approx(speed)
+        g1.model.effortLimit[6:] = np.inf
+        assert hp.WalkingGait(g1).max_speed == pytest.approx(speed)
     finally:
-        robot.model.effortLimit[:] = limits
+        g1.model.effortLimit[:] = limits

@@ -2,8 +2,6 @@
 robots.
 """
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 
@@ -301,13 +299,12 @@ def test_a_push_askew_does_not_tip_the_soles(speed, degrees):
 
 @needs_robots
 @pytest.mark.parametrize("kind", [hp.Standing, hp.WalkingGait])
-def test_an_angle_beyond_its_limits_is_refused_by_name(kind: type) -> None:
-    robot = hp.load_robot("go2")
+def test_an_angle_beyond_its_limits_is_refused_by_name(go2: hp.Robot, kind: type) -> None:
     bent_the_wrong_way = np.tile((0.0, -0.7, 1.4), 4)
     with pytest.raises(
         hp.InputError, match=r"'FL_calf_joint' is at 1\.4 rad, .* -2\.7227 to -0\.83776 rad"
     ):
-        kind(robot, posture=bent_the_wrong_way)
+        kind(go2, posture=bent_the_wrong_way)
 
 
 @needs_robots

@@ -2,8 +2,6 @@
 targets beside their differences, touchdowns as they happen.
 """
 
-from __future__ import annotations
-
 import warnings
 from functools import cache
 
@@ -135,12 +133,11 @@ def test_what_is_measured_is_pinocchios(name):
     )
 )
 @settings(max_examples=4, suppress_health_check=[HealthCheck.too_slow], deadline=None)
-def test_targets_fit_their_differences_and_footholds_are_in_reach(commands):
+def test_targets_fit_their_differences_and_footholds_are_in_reach(solo12, commands):
     """Whatever is commanded, and however often: nothing jumps, and no foothold is out of reach or
     at another foot.
     """
-    robot = hp.load_robot("solo12")
-    gait = hp.WalkingGait(robot)
+    gait = hp.WalkingGait(solo12)
     p, h = gait.record[0], 1e-3
     before: dict[int, tuple] = {}
     last = np.zeros(3)
@@ -334,9 +331,8 @@ def test_a_stance_foot_that_does_not_touch_is_let_down():
 
 
 @needs_robots
-def test_commands_that_are_not_finite_are_ignored_and_scripts_are_followed():
-    robot = hp.load_robot("solo12")
-    gait = hp.WalkingGait(robot, velocity=((0.1, 0.2, 0.0, 0.0), (0.5, 0.0, 0.0, 0.5, 0.01)))
+def test_commands_that_are_not_finite_are_ignored_and_scripts_are_followed(solo12):
+    gait = hp.WalkingGait(solo12, velocity=((0.1, 0.2, 0.0, 0.0), (0.5, 0.0, 0.0, 0.5, 0.01)))
     state = made_state(gait)
     with pytest.raises(hp.InputError, match="observe"):
         gait.update(0.0)
@@ -360,7 +356,7 @@ def test_commands_that_are_not_finite_are_ignored_and_scripts_are_followed():
     gait.observe(bad)
     gait.update(1.001)
     assert np.isfinite(gait.target.body).all()
-    wave = hp.WalkingGait(robot, velocity=lambda t: (0.1 * t, 0.0, 0.0))
+    wave = hp.WalkingGait(solo12, velocity=lambda t: (0.1 * t, 0.0, 0.0))
     wave.observe(state)
     wave.update(0.0)
     wave.update(2.0)
@@ -368,21 +364,20 @@ def test_commands_that_are_not_finite_are_ignored_and_scripts_are_followed():
 
 
 @needs_robots
-def test_what_it_cannot_do_is_refused():
-    robot = hp.load_robot("solo12")
+def test_what_it_cannot_do_is_refused(solo12):
     with pytest.raises(hp.InputError, match="trot"):
-        hp.WalkingGait(robot, "gallop")
+        hp.WalkingGait(solo12, "gallop")
     with pytest.raises(hp.InputError, match="walk"):
         hp.WalkingGait(hp.load_robot("bolt"), "trot")
     with pytest.raises(hp.InputError, match="two, four or six"):
         hp.WalkingGait(hp.load_robot("iris"))
     for velocity in ((0.1, 0.2), (0.1, np.nan, 0.0), "fast", ((1.0, 0, 0, 0), (0.5, 0, 0, 0))):
         with pytest.raises(hp.InputError):
-            hp.WalkingGait(robot, velocity=velocity)
+            hp.WalkingGait(solo12, velocity=velocity)
     for bad in ({"max_speed": 0.0}, {"clearance": -0.1}):
         with pytest.raises(hp.InputError):
-            hp.WalkingGait(robot, **bad)
-    gait = hp.WalkingGait(robot)
+            hp.WalkingGait(solo12, **bad)
+    gait = hp.WalkingGait(solo12)
     gait.observe(made_state(gait))
     with pytest.raises(hp.InputError, match="finite"):
         gait.update(np.inf)
@@ -417,10 +412,9 @@ def test_icub_that_stands_takes_a_push_without_a_step(degrees):
 
 @pytest.mark.parametrize("ticks", [500, 1500, 1777])
 @needs_robots
-def test_a_walk_that_begins_anew_is_that_of_a_new_gait(ticks):
+def test_a_walk_that_begins_anew_is_that_of_a_new_gait(solo12, ticks):
     # With two feet in the air before, or all down: nothing of it is left.
-    robot = hp.load_robot("solo12")
-    used, new = (hp.WalkingGait(robot, velocity=(0.4, 0.0, 0.0)) for _ in range(2))
+    used, new = (hp.WalkingGait(solo12, velocity=(0.4, 0.0, 0.0)) for _ in range(2))
     states = states_of(walked(used, controller="condensed", duration=2.0))
     for state in states[:ticks]:
         used.observe(state)

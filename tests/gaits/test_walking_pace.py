@@ -2,8 +2,6 @@
 momentum, and a trot at two metres per second in both plants.
 """
 
-from __future__ import annotations
-
 import warnings
 
 import numpy as np
@@ -214,12 +212,11 @@ def test_turns_bend_the_way_by_the_acceleration_at_most():
 
 @needs_robots
 @pytest.mark.parametrize("start", long_but(range(4), (3,)))
-def test_solo12_walks_fast_at_friction_three_tenths_in_mujoco(start):
+def test_solo12_walks_fast_at_friction_three_tenths_in_mujoco(solo12, start):
     pytest.importorskip("mujoco")
-    robot = hp.load_robot("solo12")
-    speed = hp.WalkingGait(robot).max_speed
+    speed = hp.WalkingGait(solo12).max_speed
     velocity = np.random.default_rng([101, start]).normal(0.0, 0.02, 3)
-    gait = hp.WalkingGait(robot, velocity=((0.5, 0.99 * speed, 0.0, 0.0),))
+    gait = hp.WalkingGait(solo12, velocity=((0.5, 0.99 * speed, 0.0, 0.0),))
     start = (*velocity.tolist(), 0.0, 0.0, 0.0)
     run = walk(gait, mu=0.3, plant="mujoco", start_velocity=start, duration=5.0)
     assert run.ending == "completed"
@@ -227,17 +224,16 @@ def test_solo12_walks_fast_at_friction_three_tenths_in_mujoco(start):
 
 
 @needs_robots
-def test_a_walking_gait_says_to_what_it_limits_the_velocity() -> None:
-    robot = hp.load_robot("go2")
+def test_a_walking_gait_says_to_what_it_limits_the_velocity(go2: hp.Robot) -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        most = hp.WalkingGait(robot).max_speed
-        hp.WalkingGait(robot, velocity=(most, 0.0, 0.0))
+        most = hp.WalkingGait(go2).max_speed
+        hp.WalkingGait(go2, velocity=(most, 0.0, 0.0))
     for velocity in ((9.0, 0.0, 0.0), ((0.0, 0.1, 0.0, 0.0), (1.0, 9.0, 0.0, 0.0))):
         with pytest.warns(
             UserWarning, match=rf"velocity \(9, 0, 0\) .* limited to \({most:.3g}, 0, 0\)"
         ) as said:
-            gait = hp.WalkingGait(robot, velocity=velocity)
+            gait = hp.WalkingGait(go2, velocity=velocity)
         assert [warning.filename for warning in said] == [__file__]
         assert gait.max_speed == most
 
@@ -257,20 +253,19 @@ def test_commanded_harpy_says_so_too() -> None:
 
 
 @needs_robots
-def test_on_soles_the_largest_speed_falls_with_the_friction():
+def test_on_soles_the_largest_speed_falls_with_the_friction(g1):
     """Of a controller that assumes it; a speed that was given stays, and so does that of point
     feet.
     """
-    robot = hp.load_robot("g1")
-    fastest, aside = hp.WalkingGait(robot).max_speed, hp.WalkingGait(robot).max_aside
+    fastest, aside = hp.WalkingGait(g1).max_speed, hp.WalkingGait(g1).max_aside
     for mu, share in ((0.9, 1.0), (0.6, 1.0), (0.3, 0.5), (0.1, 1.0 / 6.0)):
-        controller = hp.make_controller("condensed", hp.WalkingGait(robot), mu=mu)
+        controller = hp.make_controller("condensed", hp.WalkingGait(g1), mu=mu)
         assert controller.gait.max_speed == pytest.approx(
             max(share * fastest, 0.07 * np.sqrt(9.81 * controller.gait._build.leg))
         )
         assert controller.gait.max_aside == pytest.approx(share * aside)
         assert controller.gait.record["planned"]["max_turn"] == pytest.approx(2.0 * share)
-    for given in (hp.WalkingGait(robot, max_speed=0.4), hp.WalkingGait(hp.load_robot("solo12"))):
+    for given in (hp.WalkingGait(g1, max_speed=0.4), hp.WalkingGait(hp.load_robot("solo12"))):
         speed = given.max_speed
         given.expect_friction(0.3)
         assert given.max_speed == speed

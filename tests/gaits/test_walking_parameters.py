@@ -1,7 +1,5 @@
 """The tuned numbers of a walk: each is said, checked, read, and does what it says."""
 
-from __future__ import annotations
-
 import ast
 import inspect
 import re
@@ -85,19 +83,18 @@ def test_every_number_is_read_by_the_walk():
 
 
 @needs_robots
-def test_numbers_are_given_by_name_or_whole():
-    robot = hp.load_robot("solo12")
-    named = hp.WalkingGait(robot, parameters={"clearance": 0.12, "max_turn": 1.0})
-    whole = hp.WalkingGait(robot, parameters=WalkingParameters(clearance=0.12, max_turn=1.0))
+def test_numbers_are_given_by_name_or_whole(solo12):
+    named = hp.WalkingGait(solo12, parameters={"clearance": 0.12, "max_turn": 1.0})
+    whole = hp.WalkingGait(solo12, parameters=WalkingParameters(clearance=0.12, max_turn=1.0))
     assert named.record.tobytes() == whole.record.tobytes()
     assert named.describe()["parameters"] == {"clearance": 0.12, "max_turn": 1.0}
-    assert named.record.dtype is hp.WalkingGait(robot).record.dtype  # no kernel is compiled anew
+    assert named.record.dtype is hp.WalkingGait(solo12).record.dtype  # no kernel is compiled anew
     with pytest.raises(hp.InputError, match="unknown parameter 'clearence'"):
-        hp.WalkingGait(robot, parameters={"clearence": 0.12})
+        hp.WalkingGait(solo12, parameters={"clearence": 0.12})
     with pytest.raises(hp.InputError, match="parameters must be"):
-        hp.WalkingGait(robot, parameters=0.12)
+        hp.WalkingGait(solo12, parameters=0.12)
     with pytest.raises(hp.InputError, match="slippery must be"):
-        hp.WalkingGait(robot, parameters={"slippery": 0.3})
+        hp.WalkingGait(solo12, parameters={"slippery": 0.3})
 
 
 @needs_robots

@@ -1,7 +1,5 @@
 """Each record of a walk is written by the kernels of one file: read from their syntax trees."""
 
-from __future__ import annotations
-
 import ast
 import inspect
 import textwrap

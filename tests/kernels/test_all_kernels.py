@@ -2,8 +2,6 @@
 plain Python.
 """
 
-from __future__ import annotations
-
 import subprocess
 from functools import cache
 from pathlib import Path

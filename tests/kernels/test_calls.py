@@ -1,7 +1,5 @@
 """Calls from Python: what is taken, what is refused, and that nothing else is touched."""
 
-from __future__ import annotations
-
 import gc
 import pickle
 import subprocess

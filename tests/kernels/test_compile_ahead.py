@@ -1,7 +1,5 @@
 """``harpy compile``: what it makes, what it says, and what it removes."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

@@ -5,8 +5,6 @@ Which of two zeros of different signs is the larger one NumPy leaves open, too: 
 one.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given

@@ -275,32 +275,28 @@ def dense_truth(robot, dynamics, v, torque, targets):
 
 @needs_robots
 @pytest.mark.parametrize(("arms", "torque_scale"), [(1.0, 1.0), (0.01, 1.0), (1.0, 0.25)])
-def test_law_of_a_humanoid_is_true_and_optimal(arms, torque_scale, fuzz):
+def test_law_of_a_humanoid_is_true_and_optimal(g1, arms, torque_scale, fuzz):
     """With its torques the rigid robot has its accelerations and contact wrenches; and it is the
     QP's optimum.
 
     Arms, torso and head give way as in the QP, and more where their weight is small; with weak
     motors, too.
     """
-    robot = hp.load_robot("g1")
-    dynamics, rng, mass = hp.Dynamics(robot), np.random.default_rng(3), robot.mass
+    dynamics, rng, mass = hp.Dynamics(g1), np.random.default_rng(3), g1.mass
     weights = WholeBodyWeights(
         orientation=0.25, swing=12.0, posture=1e-9, arms=arms, thrust=3.5e-4, force=2e-4 / mass**2
     )
     limits = WholeBodyLimits(mu=0.5, torque_scale=torque_scale, give_way=1.0)
-    law, problem = (
-        CondensedSolver(robot, weights, limits),
-        make_problem("full", robot, weights, limits),
-    )
+    law, problem = (CondensedSolver(g1, weights, limits), make_problem("full", g1, weights, limits))
     solver = make_solver("active_set", problem.program)
-    standing, nv = hp.Standing(robot).initial_state()[0], robot.model.nv
-    targets, inputs = WholeBodyTargets(robot), np.empty(nv - 6)
+    standing, nv = hp.Standing(g1).initial_state()[0], g1.model.nv
+    targets, inputs = WholeBodyTargets(g1), np.empty(nv - 6)
     free = law.record["system"]["order"][0]
     compared = binding = limited = 0
     deviation = 0.0
     for _ in range(60 * fuzz):
         q, v = (
-            pin.integrate(robot.model, standing, 0.05 * rng.standard_normal(nv)),
+            pin.integrate(g1.model, standing, 0.05 * rng.standard_normal(nv)),
             0.05 * rng.standard_normal(nv),
         )
         targets.body[:], targets.orientation[:] = rng.standard_normal(3), rng.standard_normal(3)
@@ -323,7 +319,7 @@ def test_law_of_a_humanoid_is_true_and_optimal(arms, torque_scale, fuzz):
         deviation = max(
             deviation, float(np.abs(law.acceleration[free] - targets.joints[free - 6]).max())
         )
-        acceleration, wrenches, moments = dense_truth(robot, dynamics, v, torque, targets)
+        acceleration, wrenches, moments = dense_truth(g1, dynamics, v, torque, targets)
         scale = 1.0 + np.abs(torque).max()
         np.testing.assert_allclose(
             law.acceleration, acceleration, rtol=0, atol=1e-8 * (1.0 + np.abs(acceleration).max())

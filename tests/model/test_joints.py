@@ -92,12 +92,11 @@ def test_plants_have_these_joints(plant):
 
 @needs_robots
 @pytest.mark.parametrize("name", ["condensed", "wbc"])
-def test_a_walk_with_known_joints_slips_less(name):
-    robot = hp.load_robot("go2")
+def test_a_walk_with_known_joints_slips_less(go2, name):
     slip = []
-    for believed in (robot.with_joints(**KNOWN), robot):
+    for believed in (go2.with_joints(**KNOWN), go2):
         gait = hp.WalkingGait(believed, velocity=[(0.0, 0.4, 0.0, 0.2)])
-        plant = started(MujocoPlant(robot.with_joints(**KNOWN), hp.Ground(mu_s=0.5)), gait)
+        plant = started(MujocoPlant(go2.with_joints(**KNOWN), hp.Ground(mu_s=0.5)), gait)
         slip.append(
             hp.measure(
                 plant.run(hp.make_controller(name, gait, mu=0.45, **own_search(name)), 2.0)

@@ -2,8 +2,6 @@
 are known.
 """
 
-from __future__ import annotations
-
 import warnings
 from pathlib import Path
 

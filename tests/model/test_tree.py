@@ -117,9 +117,8 @@ def test_other_roots_are_refused():
         tree_record(model)
 
 
-def test_many_steps_are_one_after_the_other(robot):
+def test_many_steps_are_one_after_the_other(gait, robot):
     """With a push that begins and ends between them."""
-    gait = hp.make_gait(robot)
     pushes = (hp.Push(0.0012, (0.3, -0.2, 0.1), duration=0.0021),)
     rng, ends = np.random.default_rng(3), []
     command = hp.Command(rng.uniform(-3, 3, 6), rng.uniform(-9, 9, (2, 3)))

@@ -2,8 +2,6 @@
 it.
 """
 
-from __future__ import annotations
-
 import re
 import sys
 from pathlib import Path

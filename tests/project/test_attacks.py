@@ -171,10 +171,9 @@ def test_a_batch_refuses_masses_and_frictions_that_are_none(name, value):
 
 
 @needs_robots
-def test_masked_numbers_are_not_measured():
+def test_masked_numbers_are_not_measured(go2):
     """They count as not finite, in a batch and alone."""
     assert not step_of_a_batch(lambda q: np.ma.masked_array(q, mask=q > 0.2)).any()
-    go2 = hp.load_robot("go2")
     q, v = hp.Standing(go2).initial_state()
     controller = hp.make_controller("condensed", hp.Standing(go2), mu=0.5)
     controller.step(hp.State(0.0, np.ma.masked_array(q, mask=q > 0.2), v, *np.zeros((3, 4, 3))))
@@ -191,13 +190,12 @@ def test_targets_of_another_robot_are_refused():
 @needs_robots
 @pytest.mark.parametrize("controller", ["condensed", "wbc"])
 @pytest.mark.parametrize("name", ["q", "v", "foot_force"])
-def test_a_first_sample_that_is_not_finite(controller, name):
+def test_a_first_sample_that_is_not_finite(go2, controller, name):
     """It is answered as by other gaits, and the walk that follows is that without it."""
-    robot = hp.load_robot("go2")
     made = [
         hp.make_controller(
             controller,
-            hp.WalkingGait(robot, velocity=(0.3, 0.0, 0.0)),
+            hp.WalkingGait(go2, velocity=(0.3, 0.0, 0.0)),
             mu=0.5,
             **own_search(controller),
         )

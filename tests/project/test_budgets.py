@@ -3,8 +3,6 @@
 A count is a thermometer. Where one statement more reads better, write it, and raise the number.
 """
 
-from __future__ import annotations
-
 import ast
 import json
 import re
@@ -18,11 +16,11 @@ import harpy_pin
 ROOT = Path(__file__).resolve().parents[2]
 CONTRIB = "harpy_pin/contrib/"
 STATEMENTS = {
-    "harpy_pin": 25_450,
-    CONTRIB: 5_450,
-    "reproduction": 2_100,
-    "comparison": 7_080,
-    "tests": 28_100,
+    "harpy_pin": 25_320,
+    CONTRIB: 5_000,
+    "reproduction": 2_080,
+    "comparison": 7_040,
+    "tests": 27_790,
 }
 """Most statements of the Python files that Git tracks in a folder; ``harpy_pin`` is without
 contrib.
@@ -30,7 +28,7 @@ contrib.
 LONGEST_FILE = 350
 """Most statements of a file."""
 MOST_PUBLIC_NAMES = 73
-MOST_WORDS = 19_310
+MOST_WORDS = 19_280
 """Of prose in README, docs and notebooks, without tables, code, formulas and comments."""
 
 

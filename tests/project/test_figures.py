@@ -1,7 +1,5 @@
 """What README and docs say is what the tables of the results page show."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

@@ -11,8 +11,8 @@ from pathlib import Path
 
 import pytest
 
+from comparison.measure.interrupts import without_interrupts
 from harpy_pin import InputError, RunFileError
-from harpy_pin.contrib.interrupts import without_interrupts
 from harpy_pin.files import Shield, check_outputs, check_writable, replacing, write_json
 
 ROOT = Path(__file__).resolve().parents[2]

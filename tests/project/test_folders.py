@@ -2,8 +2,6 @@
 replaced whole.
 """
 
-from __future__ import annotations
-
 import os
 import shutil
 import signal

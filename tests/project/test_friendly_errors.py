@@ -2,8 +2,6 @@
 write instead.
 """
 
-from __future__ import annotations
-
 import pickle
 from collections.abc import Callable
 from pathlib import Path

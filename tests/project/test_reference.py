@@ -1,7 +1,5 @@
 """The reference: every public name is in it, and says what its parameters are."""
 
-from __future__ import annotations
-
 import enum
 import inspect
 import re

@@ -1,7 +1,5 @@
 """Scenarios: written down, read back, walked again."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 

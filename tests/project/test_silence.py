@@ -2,8 +2,6 @@
 is a bad sample.
 """
 
-from __future__ import annotations
-
 import os
 import signal
 import threading

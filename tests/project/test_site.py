@@ -1,7 +1,5 @@
 """The documentation site builds without a warning, whole, and asks nothing of the network."""
 
-from __future__ import annotations
-
 import re
 import subprocess
 import sys

@@ -4,8 +4,6 @@ what is shown.
 No line of it is wider than a page of the site shows.
 """
 
-from __future__ import annotations
-
 import contextlib
 import io
 import linecache

@@ -2,8 +2,6 @@
 and they run.
 """
 
-from __future__ import annotations
-
 import os
 import runpy
 import subprocess

@@ -1,7 +1,5 @@
 """The wheel, installed in an environment of its own, walks in an empty folder."""
 
-from __future__ import annotations
-
 import json
 import subprocess
 import zipfile

@@ -1,7 +1,5 @@
 """Motors and joint friction: closed forms, energy, complementarity, MuJoCo."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

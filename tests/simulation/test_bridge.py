@@ -6,7 +6,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from needs import needs_robots
-from own_models import described, mujoco, own_model
+from own_models import described, give, mujoco, own_model
 
 import harpy_pin as hp
 from harpy_pin import InputError, MujocoBridge
@@ -15,11 +15,6 @@ pytestmark = needs_robots
 FEET = np.zeros((4, 3))
 JOINTS = {"armature": 0.02, "damping": [0.3, 0.0, 0.0], "frictionloss": 0.4}
 BOX, SPHERE = mujoco.mjtGeom.mjGEOM_BOX, mujoco.mjtGeom.mjGEOM_SPHERE
-
-
-@pytest.fixture(scope="module")
-def go2():
-    return hp.load_robot("go2")
 
 
 def moving(bridge, data, *, height=0.0, seed=0):
@@ -268,11 +263,6 @@ def test_differences_are_said(go2):
 
 def rename(spec):
     spec.joint("FL_calf_joint").name = spec.actuators[2].target = "other"
-
-
-def give(thing, **values):
-    for name, value in values.items():
-        setattr(thing, name, value)
 
 
 def drive_a_foot(spec):

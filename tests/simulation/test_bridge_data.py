@@ -25,11 +25,6 @@ GUARD = 0x5AA5C33C
 
 
 @pytest.fixture(scope="module")
-def go2():
-    return hp.load_robot("go2")
-
-
-@pytest.fixture(scope="module")
 def bridge(go2):
     return MujocoBridge(described(go2, actuators="motor").compile(), go2)
 

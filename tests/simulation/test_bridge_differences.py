@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 import pytest
 from needs import needs_robots
-from own_models import described
+from own_models import described, give
 
 import harpy_pin as hp
 from harpy_pin import InputError, MujocoBridge
@@ -18,21 +18,11 @@ CALF = "FL_calf_joint"
 PLANE, SPHERE = mujoco.mjtGeom.mjGEOM_PLANE, mujoco.mjtGeom.mjGEOM_SPHERE
 
 
-@pytest.fixture(scope="module")
-def go2():
-    return hp.load_robot("go2")
-
-
 def changed(robot, change, **how):
     """A bridge to a model of the robot after a change of its description."""
     spec = described(robot, **{"actuators": "motor", **how})
     change(spec)
     return MujocoBridge(spec.compile(), robot)
-
-
-def give(thing, **values):
-    for name, value in values.items():
-        setattr(thing, name, value)
 
 
 def tendon(spec):

@@ -1,7 +1,5 @@
 """The sensors of a MuJoCo model as readings of the estimator, and a loop on them."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -34,14 +32,13 @@ def sensing(robot, *, body="base", kinds=(GYROSCOPE, ACCELEROMETER), apart=0.0, 
     return spec.compile()
 
 
-def test_a_robot_stands_on_what_the_models_sensors_say():
-    robot = hp.load_robot("go2")
-    bridge, gait = MujocoBridge(sensing(robot), robot), hp.Standing(robot)
+def test_a_robot_stands_on_what_the_models_sensors_say(go2):
+    bridge, gait = MujocoBridge(sensing(go2), go2), hp.Standing(go2)
     np.testing.assert_allclose(bridge.imu.position, PLACE, atol=1e-9)
     np.testing.assert_allclose(bridge.imu.rotation, pin.rpy.rpyToMatrix(*TURN), atol=1e-9)
     data, period = mujoco.MjData(bridge.model), float(bridge.model.opt.timestep)
     controller = hp.make_controller("condensed", gait, mu=0.6, period=period)
-    estimator = hp.Estimator(robot, bridge.imu, period=period)
+    estimator = hp.Estimator(go2, bridge.imu, period=period)
     q, v = gait.initial_state()
     bridge.place((q, v), data)
     mujoco.mj_forward(bridge.model, data)
@@ -79,17 +76,15 @@ def test_a_robot_stands_on_what_the_models_sensors_say():
         ),
     ],
 )
-def test_sensors_that_are_no_inertial_unit(how, what):
-    robot = hp.load_robot("go2")
-    bridge = MujocoBridge(sensing(robot, **how), robot)
+def test_sensors_that_are_no_inertial_unit(go2, how, what):
+    bridge = MujocoBridge(sensing(go2, **how), go2)
     with pytest.raises(InputError, match=what):
         _ = bridge.imu
     with pytest.raises(InputError, match=what):
         bridge.readings(mujoco.MjData(bridge.model))
 
 
-def test_a_sensor_that_readings_do_not_use_may_be_late():
-    robot = hp.load_robot("go2")
+def test_a_sensor_that_readings_do_not_use_may_be_late(go2):
     kinds = (GYROSCOPE, ACCELEROMETER, mujoco.mjtSensor.mjSENS_VELOCIMETER)
-    bridge = MujocoBridge(sensing(robot, kinds=kinds, delay=0.01, nsample=20), robot)
+    bridge = MujocoBridge(sensing(go2, kinds=kinds, delay=0.01, nsample=20), go2)
     np.testing.assert_allclose(bridge.imu.position, PLACE, atol=1e-9)

@@ -1,7 +1,5 @@
 """Contact about the normal, against closed forms and against flat ground under tilted gravity."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 import pytest

@@ -19,11 +19,10 @@ OWN = {
 
 
 @pytest.mark.parametrize("compiled", [False, True])
-def test_an_interrupt_at_any_call_keeps_every_tick_once(tmp_path, compiled):
+def test_an_interrupt_at_any_call_keeps_every_tick_once(robot, tmp_path, compiled):
     """Wherever Python may receive it in the loop or the log: as a function begins, or after one of
     C.
     """
-    robot = hp.load_harpy()
     gait, simulator = hp.make_gait(robot), hp.Simulator(robot)
     controller = hp.make_controller("condensed", gait, mu=0.5)
     cut, places = 0, []

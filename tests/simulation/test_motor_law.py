@@ -1,7 +1,5 @@
 """Motors with a law of their own: joint targets, stiffness and damping in a command."""
 
-from __future__ import annotations
-
 import copy
 import pickle
 
@@ -134,9 +132,7 @@ def test_a_law_that_cannot_be_is_refused(law, message):
         hp.Command(np.zeros(3), **law)
 
 
-def test_what_corrects_torques_refuses_a_law():
-    robot = hp.load_harpy()
-    gait = hp.make_gait(robot)
+def test_what_corrects_torques_refuses_a_law(gait, robot):
     simulator = hp.Simulator(robot)
     simulator.reset(*gait.initial_state())
     command = hp.Command(np.zeros(6), np.zeros((2, 3)), q=np.zeros(6), k_p=1.0)
@@ -145,9 +141,8 @@ def test_what_corrects_torques_refuses_a_law():
             update(simulator.state, command)
 
 
-def test_a_law_that_was_changed_for_the_worse_reaches_no_motor():
+def test_a_law_that_was_changed_for_the_worse_reaches_no_motor(robot):
     """A command is the controller's: what it wrote since is looked at, too."""
-    robot = hp.load_harpy()
     simulator = hp.Simulator(robot)
     simulator.reset(*hp.make_gait(robot).initial_state())
     command = hp.Command(np.zeros(6), np.zeros((2, 3)), q=np.zeros(6), k_p=1.0)

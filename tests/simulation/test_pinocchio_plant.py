@@ -2,8 +2,6 @@
 other plants.
 """
 
-from __future__ import annotations
-
 from math import exp, hypot
 
 import numpy as np
@@ -377,8 +375,7 @@ def test_a_tolerance_that_is_none_is_refused(robot, tolerance):
             make()
 
 
-def test_stages_grow_with_what_is_stiff(robot):
-    gait = hp.make_gait(robot)
+def test_stages_grow_with_what_is_stiff(gait, robot):
 
     def evaluations(mu=0.25, tolerance=1e-3, dt=5e-4, **ground):
         plant = PinocchioPlant(

@@ -48,8 +48,7 @@ def test_a_walk_is_pushed_where_it_was_asked_to_be():
 
 
 @pytest.mark.parametrize("time", [0.5, 3.0])
-def test_a_push_outside_the_run_is_refused(robot, time):
-    gait = hp.make_gait(robot)
+def test_a_push_outside_the_run_is_refused(gait, robot, time):
     simulator = Simulator(robot)
     simulator.reset(*gait.initial_state())
     with pytest.raises(InputError, match="outside the run"):

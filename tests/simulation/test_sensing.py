@@ -74,8 +74,7 @@ def test_noise_is_as_large_as_stated():
     assert np.std(biases) == pytest.approx(imu.gyroscope_bias, rel=0.1)
 
 
-def test_rate_and_range():
-    robot = hp.load_harpy()
+def test_rate_and_range(robot):
     sensing = Sensing(robot, hp.Imu(rate=250.0, gyroscope_range=1.0), period=1e-3)
     turns = [pin.exp3(np.array([0.0, 0.0, 5e-3 * n])) for n in range(12)]
     rows = [sensing.read(state_of(robot, turn=turn), np.zeros(6)) for turn in turns]

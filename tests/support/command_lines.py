@@ -26,7 +26,7 @@ WORK = (
     "reproduction.gait.planar_walk.PlanarWalk.run",
     "harpy_pin.view.page.film.Film.__enter__",
     "harpy_pin.view.page.replay.show",
-    "harpy_pin.contrib.live.drive.listen",
+    "harpy_pin.contrib.live.live_session.LiveSession.__init__",
     "harpy_pin.contrib.identify.motion.find_posture",
     "harpy_pin.contrib.identify.identification.identify",
     "harpy_pin.kernels.library_files.clear",

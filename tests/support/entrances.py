@@ -5,8 +5,6 @@ Each function takes the path of one file. It returns where the answer is a resul
 ours; what is a defect passes as the exception that it is.
 """
 
-from __future__ import annotations
-
 import json
 import re
 from collections.abc import Callable

@@ -8,8 +8,6 @@ wheel alone it shows that nothing is missing. It prints a line for each part, an
 one fails. What a robot cannot have is no failure.
 """
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor

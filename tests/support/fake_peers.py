@@ -1,7 +1,5 @@
 """Peers that answer what a test says."""
 
-from __future__ import annotations
-
 import json
 import stat
 import sys

@@ -2,8 +2,6 @@
 may be.
 """
 
-from __future__ import annotations
-
 import copy
 import io
 import json

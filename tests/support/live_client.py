@@ -1,7 +1,5 @@
 """A viewer of a live page that is no browser."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from harpy_pin.contrib.live.live_page import EYE, MIDDLE

@@ -1,7 +1,5 @@
 """Cases of a test, of which some take too long for every run."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from typing import Any
 

@@ -6,8 +6,6 @@ was skipped for want of what. ``pytest --needing cmake`` runs the tests that nee
 others, and refuses to begin without it.
 """
 
-from __future__ import annotations
-
 import os
 import shutil
 import subprocess

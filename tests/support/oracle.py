@@ -7,8 +7,6 @@ last digit), ``x ** 2`` to ``x ** 4`` are products (Python calls ``pow``), and s
 first term to the last (NumPy leaves the order open).
 """
 
-from __future__ import annotations
-
 import ast
 import ctypes
 import ctypes.util

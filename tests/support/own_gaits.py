@@ -1,7 +1,5 @@
 """Gaits as a user would write them: two methods, and nothing that says which settings fit."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -7,6 +7,12 @@ import pytest
 mujoco = pytest.importorskip("mujoco", reason="MuJoCo is an extra")
 
 
+def give(thing, **values):
+    """Set several attributes."""
+    for name, value in values.items():
+        setattr(thing, name, value)
+
+
 def described(robot, *, foot_radius=0.02, actuators="", joints=None):
     """A ``MjSpec`` of the URDF without shapes, with a free joint, a plane, and a sphere at every
     foot; with an actuator of a kind (``motor``, ``position`` or ``velocity``) in each joint, and

@@ -1,7 +1,5 @@
 """Made-up walks for the viewer, and what a replay page holds."""
 
-from __future__ import annotations
-
 import base64
 import json
 import re

@@ -1,7 +1,5 @@
 """Short cases for the peers, and one that no walk reaches."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Processes of this machine, from Linux's /proc."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from pathlib import Path
 

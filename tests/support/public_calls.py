@@ -6,8 +6,6 @@ is here the day it is added. An argument without a default needs an honest value
 something else by it.
 """
 
-from __future__ import annotations
-
 import copy
 import importlib
 import inspect

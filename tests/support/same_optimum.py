@@ -1,7 +1,5 @@
 """The condensed solver beside quadratic programs, for any robot in any support."""
 
-from __future__ import annotations
-
 import numpy as np
 
 import harpy_pin as hp

@@ -1,7 +1,5 @@
 """Short runs that use all of the library's kernels."""
 
-from __future__ import annotations
-
 import importlib
 import pkgutil
 from collections.abc import Callable

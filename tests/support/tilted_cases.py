@@ -1,7 +1,5 @@
 """Harpy near standing on feet whose grounds have normals of their own, and a gait that says so."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 
 import numpy as np

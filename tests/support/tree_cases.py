@@ -2,8 +2,6 @@
 from Pinocchio.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 import numpy as np

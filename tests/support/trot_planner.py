@@ -1,7 +1,5 @@
 """Planners for tests: a trot without any optimisation, and what may go wrong with one."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 

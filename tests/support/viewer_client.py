@@ -1,7 +1,5 @@
 """What a browser gets from a viewer's page, without a browser."""
 
-from __future__ import annotations
-
 import asyncio
 import socket
 from collections.abc import Callable, Iterator

@@ -6,8 +6,6 @@ ticks and ticks.
 By default for Harpy and all robots of the catalogue. The environment is made from nothing.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import subprocess

@@ -2,8 +2,6 @@
 it.
 """
 
-from __future__ import annotations
-
 import daqp
 import numpy as np
 import pinocchio as pin

@@ -1,7 +1,5 @@
 """The page without a browser: what it holds, logs and requests from strangers."""
 
-from __future__ import annotations
-
 import contextlib
 import socket
 import struct

@@ -2,8 +2,6 @@
 clicked and filmed.
 """
 
-from __future__ import annotations
-
 import asyncio
 import io
 import re

@@ -1,7 +1,5 @@
 """The scene: meshes in their colours and places, and ground that is not flat."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 
@@ -173,8 +171,7 @@ def test_vectors_about_the_normal(run):
     assert about_normals(None, place, vector) is vector
 
 
-def test_cones_stand_on_the_surface(run):
-    robot = hp.load_harpy()
+def test_cones_stand_on_the_surface(robot, run):
     motions = scene_of(Frames(run, robot, fps=30.0)).motions
     for foot in robot.feet:
         for quaternion in motions[f"friction_cone/{foot}"].quaternion:
@@ -182,11 +179,10 @@ def test_cones_stand_on_the_surface(run):
             np.testing.assert_allclose(up, PLANE.normal(0.0, 0.0), atol=1e-9)
 
 
-def test_what_is_told_of_friction_is_about_the_normal(run):
+def test_what_is_told_of_friction_is_about_the_normal(robot, run):
     """The condensed controller keeps 0.4 of the friction; about the vertical it would be far
     more.
     """
-    robot = hp.load_harpy()
     frames = Frames(run, robot, fps=30.0)
     own = frames.contacts[100:].used
     assert np.median(own[own > 0.0]) < 0.5

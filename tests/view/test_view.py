@@ -1,7 +1,5 @@
 """View: scene mathematics, the page without a browser, the page in one, figures and errors."""
 
-from __future__ import annotations
-
 import base64
 import re
 import urllib.request

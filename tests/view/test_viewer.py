@@ -2,8 +2,6 @@
 ends.
 """
 
-from __future__ import annotations
-
 import base64
 import os
 import re
@@ -175,8 +173,9 @@ def test_forces_of_a_walk_are_where_and_as_long_as_they_are(
     np.testing.assert_allclose(np.diff(forces) / np.diff(shafts), newtons_per_metre, rtol=1e-6)
 
 
-def test_targets_of_controllers_gaits_and_objects(robot: hp.Robot, viewer: Viewer) -> None:
-    gait = hp.make_gait(robot)
+def test_targets_of_controllers_gaits_and_objects(
+    gait: hp.Gait, robot: hp.Robot, viewer: Viewer
+) -> None:
     controller = hp.make_controller("governed", gait, mu=0.25)
     plant = hp.Simulator(robot, ground=GROUND)
     plant.reset(*gait.initial_state(penetration=plant.static_penetration))

@@ -101,13 +101,12 @@ def test_random_states(robot, fuzz, solver, swing, within):
     assert 0.2 * ticks < failures < 0.8 * ticks  # both kinds are tried
 
 
-def test_extreme_settings(robot, fuzz):
+def test_extreme_settings(gait, robot, fuzz):
     """Friction, gains and forces at their upper ends."""
     rng = np.random.default_rng(3)
     states = [draw(robot, rng) for _ in range(60 * fuzz)]
     top = (1e6, 1e6)
     drive(robot, states, (10.0,), solver="active_set", limits={"faces": 64})
-    gait = hp.make_gait(robot)
     gains = {"body": top, "orientation": top, "swing": top, "posture": top, "contact_damping": 1e6}
     controller = WholeBodyController(
         gait, WholeBodyParameters.for_gait(gait, solver="active_set", **gains)
@@ -142,9 +141,8 @@ def test_solves_of_a_tick_share_one_bound():
 
 
 @pytest.mark.parametrize("formulation", ["input_space", "full"])
-def test_dual_method_is_exact_and_proves_infeasibility(robot, fuzz, formulation):
+def test_dual_method_is_exact_and_proves_infeasibility(gait, robot, fuzz, formulation):
     rng = np.random.default_rng(4)
-    gait = hp.make_gait(robot)
     controller = hp.make_controller("wbc", gait, mu=0.3, formulation=formulation)
     program = controller.problem.program
     solver = DualActiveSet(program)
@@ -297,13 +295,12 @@ def test_redundant_contacts_leave_the_torques_alone(flat_footed):
         assert np.abs(found).max() > 1.0
 
 
-def test_programs_of_other_sizes_are_refused(robot):
+def test_programs_of_other_sizes_are_refused(solo12, robot):
     """Kernels would go past the arrays of the solver, of the problem or of what is returned."""
     small, large = (make_problem(name, robot) for name in ("input_space", "full"))
     for name in ("daqp", "proxqp", "active_set"):
         with pytest.raises(hp.InputError, match="program must be one of the sizes"):
             make_solver(name, small.program).solve(large.program)
-    other = hp.load_robot("solo12")
     for problem in (small, large):
         n = len(problem.program.gradient)
         with pytest.raises(hp.InputError, match="out must have shape"):
@@ -312,12 +309,12 @@ def test_programs_of_other_sizes_are_refused(robot):
             problem.inputs(np.zeros(n - 1), np.zeros(12))
         arguments = (np.zeros(robot.model.nv), np.eye(3), WholeBodyTargets(robot))
         with pytest.raises(hp.InputError, match="dynamics must be of 'harpy'"):
-            problem.build(hp.Dynamics(other), *arguments)
+            problem.build(hp.Dynamics(solo12), *arguments)
         with pytest.raises(hp.InputError, match="v must have shape"):
             problem.build(hp.Dynamics(robot), np.zeros(3), *arguments[1:])
     with pytest.raises(hp.InputError, match="targets must be of 'harpy'"):
         hp.wbc.condensed.CondensedSolver(robot).solve(
-            hp.Dynamics(robot), arguments[0], WholeBodyTargets(other)
+            hp.Dynamics(robot), arguments[0], WholeBodyTargets(solo12)
         )
     with pytest.raises(hp.InputError, match="v must have shape"):
         hp.wbc.condensed.CondensedSolver(robot).solve(hp.Dynamics(robot), np.zeros(3), arguments[2])

@@ -14,8 +14,6 @@ has the ``FrameTask`` of its position as a constraint: its error is zero. The we
 on the inputs themselves, which are no part of x = [a; f].
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np

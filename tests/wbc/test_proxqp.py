@@ -2,8 +2,6 @@
 does not finish.
 """
 
-from __future__ import annotations
-
 import itertools
 from dataclasses import asdict
 from typing import Any

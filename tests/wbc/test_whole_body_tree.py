@@ -2,8 +2,6 @@
 do, and bounded.
 """
 
-from __future__ import annotations
-
 from functools import partial
 
 import numpy as np
@@ -103,32 +101,31 @@ def test_accelerations_leave_room_to_stop_before_the_ends(name, fuzz):
 
 @needs_robots
 @pytest.mark.parametrize("period", [1e-3, 1e-2])
-def test_a_task_beyond_the_ends_stops_before_them(period):
+def test_a_task_beyond_the_ends_stops_before_them(g1, period):
     """G1 is asked for angles beyond the ranges of its arms, fast; it moves as it is told."""
-    robot = hp.load_robot("g1")
-    q, v = hp.gaits.Standing(robot).initial_state()
-    lower, upper = robot.model.lowerPositionLimit[7:], robot.model.upperPositionLimit[7:]
+    q, v = hp.gaits.Standing(g1).initial_state()
+    lower, upper = g1.model.lowerPositionLimit[7:], g1.model.upperPositionLimit[7:]
     aim = np.where(np.arange(len(lower)) % 2 == 0, upper + 0.5, lower - 0.5)
-    arms = tuple(name for name in robot.joints if "shoulder" in name or "elbow" in name)
-    on_arms = np.array([name in arms for name in robot.joints])
+    arms = tuple(name for name in g1.joints if "shoulder" in name or "elbow" in name)
+    on_arms = np.array([name in arms for name in g1.joints])
     tasks = {
         hp.JointTask(arms, position=aim[on_arms], gains=(400.0, 20.0)): 1.0,
         hp.FrameTask(
             "pelvis", part="both", position=q[:3], rotation=np.eye(3), gains=(100.0, 20.0)
         ): 1.0,
     }
-    solver = WholeBodySolver(robot, tasks, limits=LIMITS, period=period, deceleration=50.0)
-    feet, fastest = np.zeros((len(robot.feet), 3)), np.zeros(len(lower))
+    solver = WholeBodySolver(g1, tasks, limits=LIMITS, period=period, deceleration=50.0)
+    feet, fastest = np.zeros((len(g1.feet), 3)), np.zeros(len(lower))
     for n in range(round(1.5 / period)):
         solution = solver.solve(hp.State(n * period, q, v, feet, feet, feet))
-        q = pin.integrate(robot.model, q, period * v + 0.5 * period**2 * solution.acceleration)
+        q = pin.integrate(g1.model, q, period * v + 0.5 * period**2 * solution.acceleration)
         v = v + period * solution.acceleration
         assert (q[7:] < upper + 1e-4)[on_arms].all()
         assert (q[7:] > lower - 1e-4)[on_arms].all()
         fastest = np.maximum(fastest, np.abs(v[6:]))
     end = np.where(aim > upper, upper, lower)
     np.testing.assert_allclose(q[7:][on_arms], end[on_arms], atol=5e-3)
-    assert (fastest < robot.model.velocityLimit[6:] + 0.01).all()
+    assert (fastest < g1.model.velocityLimit[6:] + 0.01).all()
 
 
 @given(st.integers(0, 10**6))

@@ -16,8 +16,6 @@ is taken out before it is asked for: the program of a whole-body controller find
 accelerations.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from math import exp, perm, sqrt
 

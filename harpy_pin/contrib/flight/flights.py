@@ -7,8 +7,6 @@ preview: the equations of motion under the flight's own feedback, from the relea
 are at the ground. The jump aims so that these land where they should.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from math import inf, sqrt
 from typing import Any
@@ -139,12 +137,12 @@ def plan_jump(flyer: Flyer, jump: Jump) -> PlannedJump:
     """The jump of which the feet land where they should; an :class:`InputError` where none does."""
     least = ABOVE - float(flyer.feet[2]) - _release(flyer)
     if jump.height < least:
-        message = (
-            f"height of a jump of '{flyer.robot.name}' must be at least {least:.2g} m, got "
-            f"{jump.height:g} m"
-        )
         raise InputError(
-            f"{message}: its legs become longer before they land", name="height", value=jump.height
+            f"height of a jump of '{flyer.robot.name}' must be at least {least:.2g} m, got "
+            f"{jump.height:g} m: "
+            "its legs become longer before they land",
+            name="height",
+            value=jump.height,
         )
     goal = np.array((jump.forward, jump.left))
     aim, slope = goal.copy(), np.full(2, SLOPE)

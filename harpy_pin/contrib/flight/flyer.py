@@ -2,8 +2,6 @@
 thrusters have to spare.
 """
 
-from __future__ import annotations
-
 from math import sqrt
 
 import numpy as np
@@ -47,11 +45,12 @@ class Flyer:
         self.robot, self.height = robot, float(q[2])
         spare = thrust_upwards(robot) / robot.mass - GRAVITY
         if spare < LEAST_SPARE:
-            message = (
+            raise InputError(
                 f"thrusters of '{robot.name}' must carry it with {LEAST_SPARE:g} m/s² to "
-                f"spare, have {spare:.2g}"
+                f"spare, have {spare:.2g}",
+                name="robot",
+                value=robot,
             )
-            raise InputError(message, name="robot", value=robot)
         self.brake, self.scale = (
             min(SPARE * spare, MOST_BRAKE),
             sqrt(self.height / GRAVITY),
@@ -143,11 +142,12 @@ class AirPostures:
         lower, upper = self.robot.joint_lower, self.robot.joint_upper
         beyond = (lower < upper) & ((q[7:] < lower - CLOSE) | (q[7:] > upper + CLOSE))
         if np.abs(self._error(q, depth)).max() > MOST_ERROR or beyond.any():
-            message = (
+            raise InputError(
                 f"'{self.robot.name}' cannot hover with its feet {depth:.3g} m further below "
-                f"the body than standing"
+                f"the body than standing",
+                name="robot",
+                value=self.robot,
             )
-            raise InputError(message, name="robot", value=self.robot)
         return q
 
     def on_feet(self, feet: Vector, velocity: Vector) -> tuple[Vector, Vector]:
@@ -164,11 +164,12 @@ class AirPostures:
             step = np.linalg.lstsq(d.foot_jacobian[:, 6:], away, rcond=1e-6)[0]
             q[7:] += np.clip(step, -FURTHEST, FURTHEST)
         if np.abs(feet - self.places(q)).max() > MOST_ERROR:
-            message = (
+            raise InputError(
                 f"the legs of '{self.robot.name}' do not reach the ground where this jump "
-                f"lets go of it"
+                f"lets go of it",
+                name="flights",
+                value=self.robot,
             )
-            raise InputError(message, name="flights", value=self.robot)
         v[6:] = np.linalg.lstsq(
             d.foot_jacobian[:, 6:], -d.foot_jacobian[:, :3] @ velocity, rcond=1e-6
         )[0]

@@ -100,10 +100,11 @@ class FlyingGait(Gait):
         self.flights = read_flights(flights)
         self.terrain = Plane(slope=0.0) if terrain is None else terrain
         if not self.robot.feet or not self.robot.thrusters:
-            message = (
-                f"flights need feet, and thrusters or rotors: '{self.robot.name}' has not both"
+            raise InputError(
+                f"flights need feet, and thrusters or rotors: '{self.robot.name}' has not both",
+                name="robot",
+                value=self.robot,
             )
-            raise InputError(message, name="robot", value=self.robot)
         self.gait, self.walks = own_target(gait), gait.walks
         most = MOST_FORCE * self.robot.mass * GRAVITY / len(self.robot.feet)
         self.controller_parameters = {

@@ -127,19 +127,20 @@ class BatchedEnv(KeepsViews):
             or s.robot != "harpy"
             or s.ground.surface is not None
         ):
-            message = (
-                "an environment has Harpy in the library's own plant, without sensors, "
-                "noise, delay or actuators"
-            )
             raise InputError(
-                f"{message}, on flat ground: put a wrapper around it", name="scenario", value=s
+                "an environment has Harpy in the library's own plant, without sensors, "
+                "noise, delay or actuators, "
+                "on flat ground: put a wrapper around it",
+                name="scenario",
+                value=s,
             )
         if not isinstance(s.gait, Straight):
-            message = (
+            raise InputError(
                 f"an environment rewards a speed along x, which the gait '{s.gait.name}' "
-                f"lacks: give Straight"
+                f"lacks: give Straight",
+                name="scenario",
+                value=s,
             )
-            raise InputError(message, name="scenario", value=s)
         mass_error = disturbances.mass_error
         self.robot = (
             heavier(load_harpy(s.urdf), mass_error) if mass_error != 0.0 else load_harpy(s.urdf)

@@ -1,7 +1,5 @@
 """Harpy as a Gymnasium environment, alone and many at once in one compiled loop."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 
@@ -150,11 +148,12 @@ class HarpyVectorEnv(VectorEnv[Numbers, Numbers, NDArray[Any]]):
             seed = [int(seed) + i for i in range(self.num_envs)]
         if seed is not None:
             if not isinstance(seed, list | tuple | np.ndarray) or len(seed) != self.num_envs:
-                message = (
+                raise InputError(
                     f"{self.num_envs} worlds need as many seeds, or one whole number, got "
-                    f"{shown(seed)}"
+                    f"{shown(seed)}",
+                    name="seed",
+                    value=seed,
                 )
-                raise InputError(message, name="seed", value=seed)
             for i, value in enumerate(seed):
                 if value is not None:
                     self._random[i] = seeding.np_random(checks.whole("seed", value))[0]

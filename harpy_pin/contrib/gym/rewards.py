@@ -18,8 +18,6 @@ Terms that are to be avoided get a negative scale. Velocities are in the axes of
 | ``action_rate`` | mean squared change of the action | 0 and 4 |
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
@@ -116,8 +114,11 @@ def make_reward(reward: Reward | None) -> Callable[[Step], tuple[float, dict[str
     if callable(reward):
         return partial(_of_function, reward)
     if reward is not None and not isinstance(reward, Mapping):
-        message = f"reward must be a function of the step, or scales by name, got {shown(reward)}"
-        raise InputError(message, name="reward", value=reward)
+        raise InputError(
+            f"reward must be a function of the step, or scales by name, got {shown(reward)}",
+            name="reward",
+            value=reward,
+        )
     scales = {}
     for name, scale in (REWARDS if reward is None else reward).items():
         checks.one_of("term of the reward", name, TERMS)

@@ -31,8 +31,6 @@ delay, or estimated):
 duration.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 
@@ -344,10 +342,11 @@ def _checked(scenario: Scenario, robot: str | Robot | None) -> tuple[Robot, Scen
         ("go2" if scenario.robot == "harpy" else scenario.robot) if robot is None else robot
     )
     if scenario.robot_name not in ("harpy", robot.name):
-        message = (
-            f"the scenario is of '{scenario.robot_name}', and the environment of '{robot.name}'"
+        raise InputError(
+            f"the scenario is of '{scenario.robot_name}', and the environment of '{robot.name}'",
+            name="scenario",
+            value=scenario,
         )
-        raise InputError(message, name="scenario", value=scenario)
     if isinstance(scenario.controller, Governed):
         raise InputError(
             "the governed controller is for Harpy: take 'condensed' or 'wbc'", name="scenario"

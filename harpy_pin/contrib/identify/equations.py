@@ -9,8 +9,6 @@ with J_c the Jacobian of the feet that may be on the ground: the columns of N ar
 cannot reach.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
@@ -64,8 +62,11 @@ def rigid(robot: Robot) -> pin.Model:
     """
     model = robot.model.copy()
     if model.nq != len(robot.joints) + 7:
-        message = "only joints with one angle each can be identified, none that turns without end"
-        raise InputError(message, name="robot", value=robot)
+        raise InputError(
+            "only joints with one angle each can be identified, none that turns without end",
+            name="robot",
+            value=robot,
+        )
     model.armature = model.damping = np.zeros(model.nv)
     model.upperDryFrictionLimit = model.lowerDryFrictionLimit = np.zeros(model.nv)
     return model

@@ -18,8 +18,6 @@ Weights W are Huber's. Standard errors are those of blocks of the log (the sandw
 that what is left may be correlated in time.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -5,8 +5,6 @@ accelerations. That is done with every second row and again with those between: 
 two halves is independent, which :mod:`harpy_pin.contrib.identify.regression` needs.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -156,8 +154,11 @@ def _signals(robot: Robot, log: Run | Mapping[str, Vector]) -> dict[str, Vector]
     if "torque" not in known and not law:
         raise InputError("the log has neither torque nor the motors' k_p", name="torque")
     if wide not in (n, nq):
-        message = f"q must have {n} angles of joints, or {nq} numbers with the base, in a row"
-        raise InputError(f"{message}, got {wide}", name="q")
+        raise InputError(
+            f"q must have {n} angles of joints, or {nq} numbers with the base, in a row, "
+            f"got {wide}",
+            name="q",
+        )
     t = checks.array("t", known["t"], None).reshape(-1, 1)
     for name in {"k_p", "k_d"} & known.keys():
         if np.ndim(known[name]) < 2:  # they never change

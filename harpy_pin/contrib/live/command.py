@@ -1,7 +1,5 @@
 """The command ``harpy live``: drive the robot in the browser."""
 
-from __future__ import annotations
-
 import logging
 import webbrowser
 from importlib.util import find_spec
@@ -74,7 +72,6 @@ def live(
     walker = options.read_robot_options(robot, feet, posture, flat_feet)
     if urdf is not None and walker != "harpy":
         raise InputError("--urdf is a variant of Harpy: it does not go with --robot", name="urdf")
-    checks.whole("port", port, high=65535)
     if duration is not None:
         checks.number("duration", duration, low=1e-3, high=LONGEST)
     check_outputs(
@@ -83,7 +80,7 @@ def live(
     )
     if find_spec("viser") is None:
         raise HarpyError(f"driving needs viser, which is not installed: {install_line('live')}")
-    from harpy_pin.contrib.live.drive import Drive, listen
+    from harpy_pin.contrib.live.drive import Drive
     from harpy_pin.contrib.live.settings import DriveRanges, usual_settings
     from harpy_pin.model.robot import load_harpy
     from harpy_pin.model.source import loaded_robot
@@ -102,7 +99,7 @@ def live(
         if browser:
             Thread(target=webbrowser.open, args=(url,), daemon=True).start()
 
-    drive = Drive(start, robot=driven_robot, save=save, listener=listen(host, port), on_page=show)
+    drive = Drive(start, robot=driven_robot, save=save, address=(host, port), on_page=show)
     console.print(f"drive {driven_robot.name}: {drive.url}  (Ctrl-C ends)")
     driven = drive.run(duration)
     console.print(
@@ -111,10 +108,10 @@ def live(
     )
     times = driven.as_dict()
     for viewers, tick in times["tick_us"].items():
-        times_of_tick = (
-            f"median {tick['p50']:.1f} µs, p99 {tick['p99']:.1f} µs ({tick['ticks']} ticks)"
+        console.print(
+            f"tick, pages open {viewers}: median {tick['p50']:.1f} µs, p99 {tick['p99']:.1f} µs "
+            f"({tick['ticks']} ticks)"
         )
-        console.print(f"tick, pages open {viewers}: {times_of_tick}")
     if json is not None:
         write_json(json, times)
     if save is not None:

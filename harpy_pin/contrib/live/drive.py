@@ -1,29 +1,23 @@
-"""Driving: the walk goes on in this process, and its page in another, so that looking never slows
-control.
+"""Driving: the walk goes on in the thread that drives, and its page in another.
 
-The two share a board of snapshots, written fifty times a second, and a pipe for what the driver
-wants. Every tick is logged.
+The page gets a snapshot fifty times a second, and says what the driver wants. Every tick is logged.
 """
 
 from __future__ import annotations
 
 import ipaddress
-import multiprocessing
 import socket
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field
-from multiprocessing.connection import Connection
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from harpy_pin import checks
-from harpy_pin.contrib.interrupts import without_interrupts
 from harpy_pin.contrib.live.live_session import PERIOD, LiveSession, Tick
 from harpy_pin.contrib.live.settings import LiveSettings
-from harpy_pin.contrib.live.shared_snapshots import SharedSnapshots
 from harpy_pin.contrib.live.times import TickTimes
-from harpy_pin.errors import HarpyError, InputError, RunFileError
+from harpy_pin.errors import InputError, RunFileError
 from harpy_pin.files import Shield, check_writable, replaceable
 from harpy_pin.log.journal import Journal
 from harpy_pin.log.recorder import Recorder
@@ -33,13 +27,13 @@ from harpy_pin.model.robot import Robot
 from harpy_pin.simulation.loop import keep_run, run_metadata
 from harpy_pin.view.identity import CONTROLLERS
 
+if TYPE_CHECKING:
+    from harpy_pin.contrib.live.live_page import LivePage
+
 SNAPSHOT_PERIOD = 0.02
 """Time between snapshots, s."""
 NAP = 2e-3
 """Longest sleep, s: ticks that have come due meanwhile are made up for."""
-PAGE_ENDED = "the process of the page ended; what was driven until then is kept"
-READY_WITHIN = 120.0
-"""Time that the page's process may take to start, s."""
 WISHES: Mapping[str, Callable[[LiveSession, Any], str | None]] = {
     "change": LiveSession.change,
     "strip": LiveSession.lay_strip,
@@ -52,8 +46,8 @@ WISHES: Mapping[str, Callable[[LiveSession, Any], str | None]] = {
 """What a driver may want of a session, which returns what the driver should know of it."""
 
 
-def listen(host: str, port: int) -> socket.socket:
-    """A socket that listens on an address.
+def check_address(host: str, port: int) -> None:
+    """Refuse where no page can be served.
 
     Raises:
         InputError: no port has that number, or the host is none.
@@ -68,7 +62,7 @@ def listen(host: str, port: int) -> socket.socket:
         ) from None
     family = socket.AF_INET if address.version == 4 else socket.AF_INET6
     try:
-        return socket.create_server((str(address), port), family=family)
+        socket.create_server((host, port), family=family).close()
     except OSError as error:
         raise RunFileError(
             f"cannot serve the page on {host}, port {port}: {error.strerror or error}"
@@ -120,7 +114,7 @@ class Drive:
         settings: to begin with, see :class:`LiveSession`.
         robot: who walks, see :class:`LiveSession`.
         save: file of the log; none is kept without it.
-        listener: the page's socket; no page without one.
+        address: host and port of the page; no page without one.
         on_page: called with the page's address when it can be opened. The robot stands there;
             controllers are compiled only then, which takes some seconds the first time.
 
@@ -130,9 +124,8 @@ class Drive:
         viewers: how many pages are open.
 
     Raises:
-        HarpyError: the page cannot be started.
-        InputError: the robot does not walk, or not with these settings.
-        RunFileError: the log cannot be written.
+        InputError: the robot does not walk, or not with these settings, or the address is none.
+        RunFileError: the log cannot be written, or the page not be served.
     """
 
     def __init__(
@@ -141,14 +134,15 @@ class Drive:
         *,
         robot: Robot | None = None,
         save: str | Path | None = None,
-        listener: socket.socket | None = None,
+        address: tuple[str, int] | None = None,
         on_page: Callable[[str], None] = lambda url: None,
     ) -> None:
         self.viewers, self.url, self._over = 0, "", False
-        self._listener, self._on_page = listener, on_page
-        self._pipe: Connection | None = None
-        self._page: Any = None
+        self._address, self._on_page = address, on_page
+        self._page: LivePage | None = None
         self.driven = DriveSummary()
+        if address is not None:
+            check_address(*address)
         try:
             self.session = LiveSession(settings, robot=robot, on_standing=self._open_page)
             self._log = None if save is None else LiveLog(self.session, save)
@@ -160,31 +154,13 @@ class Drive:
     def _open_page(self, session: LiveSession) -> None:
         """Show the robot as it stands, and say that its controllers are being compiled."""
         self.session = session
-        context = multiprocessing.get_context("spawn")
-        self._board = SharedSnapshots(context, session)
-        if self._listener is None:
+        if self._address is None:
             return
-        from harpy_pin.contrib.live.live_page import serve
+        from harpy_pin.contrib.live.live_page import LivePage
 
-        self._pipe, other = context.Pipe()
-        arguments = (other, self._listener, self._board, session.robot, asdict(session.settings))
-        self._page = context.Process(target=serve, args=arguments, daemon=True)
-        with without_interrupts():
-            self._page.start()
-        other.close()
-        self._listener.close()
-        try:
-            kind, text = (
-                self._pipe.recv()
-                if self._pipe.poll(READY_WITHIN)
-                else ("failed", "it did not start")
-            )
-        except EOFError:
-            kind, text = "failed", "its process ended"
-        if kind != "ready":
-            raise HarpyError(f"cannot serve the page: {text}")
-        self.url = text
-        self._board.write(session)
+        self._page = LivePage(*self._address, session)
+        self.url = self._page.url
+        self._page.show(session)
         self._answer("", busy="Compiling the controllers: some seconds, the first time")
         self._on_page(self.url)
 
@@ -195,27 +171,19 @@ class Drive:
             duration: s.
 
         Raises:
-            HarpyError: the page's process ended; the log is kept.
             RunFileError: the log cannot be written.
         """
         if duration is not None:
             duration = checks.number("duration", duration, low=0.0, strict=True)
-        trouble, begin = None, time.monotonic()
+        begin = time.monotonic()
         with Shield(saving=True) as shield:  # a signal waits for the end of a tick
-            try:
-                self._loop(begin, duration, shield)
-            except HarpyError as error:
-                trouble = error
+            self._loop(begin, duration, shield)
             self.driven.signal = shield.late
             self._summarise(time.monotonic() - begin)
             self.close()
             if self._log is not None:
                 self.driven.run = self._log.close(self.session.ending or "completed")
             shield.late = None
-        if (
-            trouble is not None and self.driven.signal is None
-        ):  # a signal to all processes ends the page's first
-            raise trouble
         return self.driven
 
     def stop(self) -> None:
@@ -224,17 +192,12 @@ class Drive:
 
     def close(self) -> None:
         """End the page."""
-        if self._pipe is not None:
-            self._pipe.close()
         if self._page is not None:
-            self._page.join(3.0)
-            if self._page.is_alive():
-                self._page.kill()
-                self._page.join()
+            self._page.close()
 
     def _loop(self, begin: float, duration: float | None, shield: Shield) -> None:
         session, self.session.on_tick = self.session, self._after
-        published = checked = begin
+        published = begin
         while True:
             now = time.monotonic()
             if (
@@ -247,13 +210,10 @@ class Drive:
             session.advance(time.monotonic())
             if now - published >= SNAPSHOT_PERIOD:
                 published = now
-                self._board.write(session)
+                if self._page is not None:
+                    self._page.show(session)
                 if self._known != (session.settings, session.paused, session.ending):
                     self._answer("")
-            if now - checked >= 1.0:
-                checked = now
-                if self._page is not None and not self._page.is_alive():
-                    raise HarpyError(PAGE_ENDED)
             wait = session.pacer.until_due(time.monotonic())
             if wait > 0.0 or session.paused or session.ending:
                 time.sleep(NAP)
@@ -266,37 +226,30 @@ class Drive:
 
     def _listen(self) -> None:
         """Do what the page asks for; what cannot be done is said in the page."""
-        try:
-            while self._pipe is not None and self._pipe.poll():
-                kind, value = self._pipe.recv()
-                if kind == "viewers":
-                    self.viewers = value
-                    self.driven.most_viewers = max(self.driven.most_viewers, value)
-                    continue
-                try:
-                    note, refused = WISHES[kind](self.session, value) or "", False
-                except InputError as error:
-                    note, refused = str(error), True
-                if kind != "pull" or refused:
-                    self._answer(note, refused=refused)
-        except (EOFError, OSError):
-            raise HarpyError(PAGE_ENDED) from None
+        if self._page is None:
+            return
+        self.viewers = self._page.viewers
+        self.driven.most_viewers = max(self.driven.most_viewers, self.viewers)
+        while not self._page.wishes.empty():
+            kind, value = self._page.wishes.get()
+            try:
+                note, refused = WISHES[kind](self.session, value) or "", False
+            except InputError as error:
+                note, refused = str(error), True
+            if kind != "pull" or refused:
+                self._answer(note, refused=refused)
 
     def _answer(self, note: str, *, refused: bool = False, busy: str = "") -> None:
         """Say in the page how things stand."""
         session = self.session
         self._known = session.settings, session.paused, session.ending
-        if self._pipe is None:
-            return
-        standing = {
-            "settings": asdict(session.settings),
-            "paused": session.paused,
-            "ending": session.ending,
-        }
-        try:
-            self._pipe.send({**standing, "note": note, "refused": refused, "busy": busy})
-        except OSError:
-            raise HarpyError(PAGE_ENDED) from None
+        if self._page is not None:
+            standing = {
+                "settings": asdict(session.settings),
+                "paused": session.paused,
+                "ending": session.ending,
+            }
+            self._page.take({**standing, "note": note, "refused": refused, "busy": busy})
 
     def _summarise(self, elapsed: float) -> None:
         session, driven = self.session, self.driven

@@ -1,35 +1,34 @@
-"""The process of the live page: it shows snapshots, and says what the driver wants.
+"""The live page: a thread that shows snapshots and says what the driver wants.
 
 Viser moves the camera by the same keys that drive. Whoever drives would soon see nothing of the
 robot, so the point that the camera looks at is put back; the mouse still turns the view about the
 robot, nearer and further away.
 """
 
-from __future__ import annotations
-
 import contextlib
-import os
-import socket
-import sys
+import io
+import logging
 import threading
 import time
+from collections import deque
 from collections.abc import Callable, Mapping
-from multiprocessing.connection import Connection
+from dataclasses import asdict
+from queue import SimpleQueue
 from typing import Any
 
 import numpy as np
 import viser
 
 from harpy_pin import checks
-from harpy_pin.contrib.live.guard import guarded_server
 from harpy_pin.contrib.live.live_scene import LiveScene
+from harpy_pin.contrib.live.live_session import LiveSession
 from harpy_pin.contrib.live.panel import Panel
-from harpy_pin.contrib.live.settings import DriveRanges
-from harpy_pin.contrib.live.shared_snapshots import SharedSnapshots
-from harpy_pin.errors import HarpyError, InputError
-from harpy_pin.model.robot import Robot
+from harpy_pin.contrib.live.snapshots import snapshot
+from harpy_pin.errors import InputError
 from harpy_pin.model.state import Vector
 
+PLACES = 256
+"""Snapshots that the page may be late by: five seconds."""
 FRAME, NUMBERS, CHARTS = 0.025, 0.25, 0.2
 """Time between frames of the scene, and between updates of numbers and charts, s."""
 EYE, MIDDLE = (1.2, -1.42, 0.87), (0.0, 0.0, 0.33)
@@ -50,58 +49,41 @@ above.
 """
 
 
-def serve(
-    pipe: Connection,
-    listener: socket.socket,
-    board: SharedSnapshots,
-    robot: Robot,
-    settings: Mapping[str, Any],
-) -> None:
-    """What the process does until the pipe is closed.
+class Server(viser.ViserServer):
+    """Viser without its tunnel to the outside."""
+
+    def request_share_url(self, verbose: bool = True) -> None:
+        """Refuse: a robot is driven from here."""
+
+
+class LivePage:
+    """Server, scene and panel.
 
     Args:
-        pipe: to the session's process.
-        listener: the page's socket.
-        board: of snapshots.
-        robot: who is driven.
-        settings: as the session begins.
+        host: address to serve it on.
+        port: of it; any free one for 0.
+        session: that is shown.
+
+    Attributes:
+        url: of the page.
+        wishes: of the driver: the kind of each and its value.
     """
-    sys.stdout = open(os.devnull, "w")  # noqa: SIM115 - viser says there when it stops
-    try:
-        page = _Page(pipe, listener, board, robot, settings)
-    except (HarpyError, OSError, ImportError) as error:
-        with contextlib.suppress(OSError):
-            pipe.send(("failed", str(error)))
-        return
-    host, port = listener.getsockname()[:2]
-    with contextlib.suppress(OSError, EOFError):
-        pipe.send(("ready", f"http://{host if ':' not in host else f'[{host}]'}:{port}/"))
-        page.run()
-    page.server.stop()
 
-
-class _Page:
-    """Server, scene and panel."""
-
-    def __init__(
-        self,
-        pipe: Connection,
-        listener: socket.socket,
-        board: SharedSnapshots,
-        robot: Robot,
-        settings: Mapping[str, Any],
-    ) -> None:
-        self._pipe, self._board = pipe, board
-        self._sending = threading.Lock()
-        self.server = guarded_server(
-            listener, label="harpy live", on_refused=lambda reason: self._panel.refuse(reason)
-        )
-        ranges = DriveRanges.of(robot)
-        self._spring = ranges.spring
-        self._scene = LiveScene(self.server, robot)
-        self._panel = Panel(self.server.gui, robot, ranges, settings, self._send)
+    def __init__(self, host: str, port: int, session: LiveSession) -> None:
+        for name in ("websockets.server", "asyncio"):
+            logging.getLogger(name).setLevel(logging.CRITICAL)
+        self.wishes: SimpleQueue[tuple[str, Any]] = SimpleQueue()
+        self._snapshots: deque[dict[str, Any]] = deque(maxlen=PLACES)
+        self._over = threading.Event()
+        self._spring = session.ranges.spring
+        with contextlib.redirect_stdout(io.StringIO()):  # viser says there that it starts
+            self.server = Server(host=host, port=port, label="harpy live", verbose=False)
+        name = f"[{host}]" if ":" in host else host
+        self.url = f"http://{name}:{self.server.get_port()}/"
+        settings = asdict(session.settings)
+        self._scene = LiveScene(self.server, session.robot)
+        self._panel = Panel(self.server.gui, session.robot, session.ranges, settings, self._send)
         self._lay_ground(settings)
-        self._viewers = 0
         self._grip: Vector | None = None  # where the hand has the robot, relative to the body
         self._hand = np.zeros(3)
         camera, scale = self.server.initial_camera, self._scene.scale
@@ -112,47 +94,60 @@ class _Page:
         )
         for handle in self._scene.handles:
             handle.on_drag("left")(self._on_drag)
+        self._thread = threading.Thread(target=self._run, daemon=True)
+        self._thread.start()
 
-    def run(self) -> None:
-        """Show snapshots until the pipe is closed."""
-        seen, last = 0, None
+    @property
+    def viewers(self) -> int:
+        """How many browsers show it."""
+        return len(self.server.get_clients())
+
+    def show(self, session: LiveSession) -> None:
+        """Show the present state."""
+        self._snapshots.append(snapshot(session))
+
+    def take(self, standing: Mapping[str, Any]) -> None:
+        """How things stand with the session."""
+        self._panel.take(standing)
+        self._lay_ground(standing["settings"])
+
+    def close(self) -> None:
+        """End it."""
+        self._over.set()
+        self._thread.join()
+        with contextlib.redirect_stdout(io.StringIO()):
+            self.server.stop()
+
+    def _run(self) -> None:
+        """Draw snapshots until the page is closed."""
+        last = None
         numbers = charts = 0.0
-        while True:
-            begin = time.monotonic()
-            while self._pipe.poll():
-                standing = self._pipe.recv()
-                self._panel.take(standing)
-                self._lay_ground(standing["settings"])
-            viewers = len(self.server.get_clients())
-            if viewers != self._viewers:
-                self._viewers = viewers
-                self._send("viewers", viewers)
-            snapshots, seen = self._board.read(seen)
-            if len(snapshots):
-                last = snapshots[-1]
-                self._panel.charts.add(snapshots)
-            if last is not None and self._viewers:
-                with self.server.atomic():
-                    if len(snapshots):
-                        self._scene.update(last)
-                    self._pull()
-                if begin - numbers >= NUMBERS:
-                    numbers = begin
-                    self._panel.show(last)
-                if begin - charts >= CHARTS:
-                    charts = begin
-                    if last["moving"]:
-                        self._panel.charts.draw()
-                        self._scene.draw_trails()
-            time.sleep(max(FRAME - (time.monotonic() - begin), 0.005))
+        while not self._over.wait(FRAME):
+            begin, fresh = time.monotonic(), list[dict[str, Any]]()
+            while self._snapshots:
+                fresh.append(self._snapshots.popleft())
+            self._panel.charts.add(fresh)
+            last = fresh[-1] if fresh else last
+            if last is None or not self.viewers:
+                continue
+            with self.server.atomic():
+                if fresh:
+                    self._scene.update(last)
+                self._pull()
+            if begin - numbers >= NUMBERS:
+                numbers = begin
+                self._panel.show(last)
+            if begin - charts >= CHARTS and last["moving"]:
+                charts = begin
+                self._panel.charts.draw()
+                self._scene.draw_trails()
 
     def _lay_ground(self, settings: Mapping[str, Any]) -> None:
         self._scene.lay_ground(settings["friction"], tuple(settings["friction_strips"]))
 
     def _send(self, kind: str, value: Any) -> None:
         """Say what the driver wants; viser calls from many threads."""
-        with self._sending, contextlib.suppress(OSError):
-            self._pipe.send((kind, value))
+        self.wishes.put((kind, value))
 
     def _on_drag(self, event: Any) -> None:
         """The hand takes the robot, moves, or lets go."""

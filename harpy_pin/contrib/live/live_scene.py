@@ -4,8 +4,6 @@ The robot stays in the middle: the world moves so that a place on the ground tha
 is where it was.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from typing import Any
 

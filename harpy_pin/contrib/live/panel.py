@@ -1,8 +1,8 @@
 """The panels of the live page: what is set, what is done, and what it leads to in numbers and
 charts.
 
-A panel says what the driver wants, and shows how things stand. Where the session refuses something,
-or changes it by itself, the controls follow.
+A panel says what the driver wants, and shows how things stand. The session checks what a page has
+sent; where it refuses something, or changes it by itself, the controls follow.
 """
 
 from __future__ import annotations
@@ -204,7 +204,7 @@ class Panel:
             )
         )
         step = gui.add_button_group("Step", tuple(STEPS))
-        step.on_click(lambda event: self._send("step", STEPS[event.target.value]))
+        step.on_click(lambda event: self._send("step", STEPS.get(event.target.value)))
         self._choice("pace", "Pace", PACES)
         self._follows = gui.add_checkbox(
             "Camera follows", True, hint="Without, the keys that drive move it, too."
@@ -332,7 +332,7 @@ class Panel:
         handle = self._gui.add_dropdown(
             label, tuple(values), initial_value=by_value.get(self._settings[name])
         )
-        self._bind(name, handle, by_value.get, values.__getitem__)
+        self._bind(name, handle, by_value.get, values.get)
 
     def _bind(
         self, name: str, handle: Any, shown: Callable[[Any], Any], read: Callable[[Any], Any]
@@ -369,7 +369,7 @@ class Panel:
         self._send("strip", float(self._strip.value))
 
     def _push(self, direction: str) -> None:
-        x, y = DIRECTIONS[direction]
+        x, y = DIRECTIONS.get(direction, (math.nan, math.nan))
         size = float(self._impulse.value)
         self._send("push", (x * size, y * size, 0.0))
 

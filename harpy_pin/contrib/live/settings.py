@@ -125,10 +125,11 @@ class LiveSettings:
         checks.keep(self, delay=checks.whole("delay in ms", self.delay, high=MAX_DELAY))
         checks.one_of("state", self.state, (TRUE, ESTIMATED))
         if self.state == ESTIMATED and (self.noise or self.delay):
-            message = (
-                "the sensors of the estimate have noise of their own: set noise and delay to 0"
+            raise InputError(
+                "the sensors of the estimate have noise of their own: set noise and delay to 0",
+                name="state",
+                value=self.state,
             )
-            raise InputError(message, name="state", value=self.state)
 
     @property
     def mu(self) -> float:
@@ -146,13 +147,8 @@ class LiveSettings:
         Raises:
             InputError: no mapping, an unknown name, or a value out of its domain.
         """
-        if not isinstance(changes, Mapping):
-            raise InputError(
-                f"changes must be a mapping, got {changes!r:.60}", name="changes", value=changes
-            )
-        valid = [entry.name for entry in fields(self)]
-        for name in changes:
-            checks.one_of("setting", name, valid)
+        for name in checks.mapping("changes", changes):
+            checks.one_of("setting", name, [entry.name for entry in fields(self)])
         return replace(self, **changes)
 
 

@@ -1,7 +1,5 @@
 """Times of many ticks in bounded memory, and how a walk keeps up with the clock."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

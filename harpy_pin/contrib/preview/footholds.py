@@ -2,8 +2,6 @@
 velocity that is not wanted (Raibert, "Legged robots that balance", 1986).
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from harpy_pin.model.state import Vector

@@ -7,8 +7,6 @@ are small, the body's inertia is that of the posture, and the legs have no momen
 and velocities at the ends of the intervals are exact sums of them.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 

@@ -7,8 +7,6 @@ of inverse dynamics, both as shares of the model's limits, say what a pace asks 
 need wide angles, short ones large forces, short swings fast joints: the best pace is searched.
 """
 
-from __future__ import annotations
-
 from itertools import product
 from typing import NamedTuple
 

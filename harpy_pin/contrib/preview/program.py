@@ -6,8 +6,6 @@ the mass, so that robots of all sizes have programs of one scale. Each force is 
 pyramid. ProxQP (dense) solves it.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -1,7 +1,5 @@
 """When each foot of a trot stands and swings, and the intervals of the horizon."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -1,7 +1,5 @@
 """How a robot is built that walks."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from itertools import pairwise
 

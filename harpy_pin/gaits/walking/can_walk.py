@@ -1,7 +1,5 @@
 """Whether the legs of a robot can walk."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 

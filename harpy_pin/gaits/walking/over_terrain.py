@@ -1,7 +1,5 @@
 """A walk over ground that is known, and no plane."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from harpy_pin.gaits.walking.record import WalkingRecord

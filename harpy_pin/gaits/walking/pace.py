@@ -1,7 +1,5 @@
 """How long the steps of a walk last, and how fast it goes, by the inverse dynamics of its legs."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from math import inf
 
@@ -96,11 +94,11 @@ def pace_of(
         if swung == 0.0:
             holding = f"hold it in mid-step, which takes {held:.2g} times their torques"
             why = holding if held > 1.0 else "swing its legs"
-            message = (
+            raise InputError(
                 f"at no speed can the motors of '{robot.name}' {why}: give a max_speed, or "
-                f"larger efforts"
+                f"larger efforts",
+                name="max_speed",
             )
-            raise InputError(message, name="max_speed")
         if swung < most:
             most, limited_by = swung, "the torques of its motors"
     shortest = shortened(most)

@@ -1,7 +1,5 @@
 """In which order feet step, by the name of the schedule."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

@@ -1,7 +1,5 @@
 """The torques that a walk takes: of the legs that hold the weight, and of those that swing."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from itertools import pairwise
 

@@ -209,10 +209,10 @@ class WalkingGait(FollowsVelocity):
                 command.
         """
         if not self._seen[0]:
-            message = (
-                "hp.WalkingGait needs the measured state: call observe(state) before update(t)"
+            raise Unobserved(
+                "hp.WalkingGait needs the measured state: call observe(state) before update(t)",
+                name="gait",
             )
-            raise Unobserved(message, name="gait")
         if type(t) is not float:
             t = checks.number("t", t)
         if not abs(t) < LONGEST:

@@ -249,11 +249,12 @@ class MujocoBridge(Conventions):
                     name="model",
                 )
             if model.sensor_delay[own[0]] or model.sensor_interval[own[0]].any():
-                message = (
+                raise InputError(
                     f"the {what} '{model.sensor(own[0]).name}' of the MuJoCo model has a "
-                    f"delay or an interval"
+                    f"delay or an interval: "
+                    "readings are of one step",
+                    name="model",
                 )
-                raise InputError(f"{message}: readings are of one step", name="model")
             found += own
         first, second = (here.place("site", site) for site in model.sensor_objid[found])
         if not np.allclose(first.homogeneous, second.homogeneous, atol=1e-3):
@@ -339,11 +340,12 @@ class MujocoBridge(Conventions):
         else:
             for name, own in zip(self.robot.joints, found, strict=True):
                 if len(own) != 1:
-                    message = (
+                    raise InputError(
                         f"joint '{name}' has {len(own) or 'no'} actuators that are enabled "
-                        f"in the MuJoCo model"
+                        f"in the MuJoCo model; "
+                        "it needs one",
+                        name="model",
                     )
-                    raise InputError(f"{message}; it needs one", name="model")
             self._actuators = numbers = np.concatenate(found).astype(np.int64)
             self._gains = model.actuator_gear, model.actuator_gainprm, model.actuator_biasprm
             entry, output = model.actuator_ctrladr[numbers], model.actuator_outadr[numbers]
@@ -356,12 +358,10 @@ class MujocoBridge(Conventions):
                 | (kind > 1)
             )
             for number in numbers[other | (factor == 0.0)]:
-                message = (
-                    f"actuator '{model.actuator(number).name}' of the MuJoCo model is "
-                    f"neither motor nor servo"
-                )
                 raise InputError(
-                    f"{message}: with a fixed gain, a constant or affine bias, no state",
+                    f"actuator '{model.actuator(number).name}' of the MuJoCo model is "
+                    f"neither motor nor servo: "
+                    "with a fixed gain, a constant or affine bias, no state",
                     name="model",
                 )
         places = {"entry": entry, "output": output, "number": numbers, "affine": affine}

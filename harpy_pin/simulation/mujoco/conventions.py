@@ -166,11 +166,12 @@ class Conventions:
         model = data.model
         if model is not self._seen:
             if _arrays_of(model) != self._arrays:
-                message = (
+                raise InputError(
                     "the data are of another MuJoCo model than the bridge: make a bridge to "
-                    "that model"
+                    "that model",
+                    name="data",
+                    value=data,
                 )
-                raise InputError(message, name="data", value=data)
             self._seen = model
         return model
 

@@ -97,11 +97,12 @@ class MujocoPlant(SteppedPlant):
         if (ground.surface is not None or ground.stiffness_strips) and (
             contact is not None or foot_radius
         ):
-            message = (
+            raise InputError(
                 "on terrain or strips feet are points with the ground's own contact: no "
-                "contact, no foot_radius"
+                "contact, no foot_radius",
+                name="ground",
+                value=ground,
             )
-            raise InputError(message, name="ground", value=ground)
         feet = len(robot.feet)
         super().__init__(robot, ground, dt=dt, gravity=gravity, actuators=actuators)
         self._flat = bool(self._terrain["level"][0])

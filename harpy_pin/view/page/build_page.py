@@ -1,7 +1,5 @@
 """The page: scenes, charts, measures and controls in one HTML file that needs nothing else."""
 
-from __future__ import annotations
-
 import base64
 import html
 import json

@@ -2,8 +2,6 @@
 32-bit numbers.
 """
 
-from __future__ import annotations
-
 import base64
 from collections.abc import Iterable
 from typing import Any

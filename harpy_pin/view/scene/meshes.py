@@ -6,8 +6,6 @@ reads them as one mesh without colours; they are read by trimesh, where it is in
 ``robots``), and drawn part by part.
 """
 
-from __future__ import annotations
-
 import warnings
 from functools import cache, lru_cache
 from pathlib import Path

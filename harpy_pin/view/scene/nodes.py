@@ -6,8 +6,6 @@ translates nodes and motions, and knows nothing of robots:
 :mod:`harpy_pin.contrib.live.live_scene` for the live page.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise

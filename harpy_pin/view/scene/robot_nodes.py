@@ -6,8 +6,6 @@ parallel to the serial one; the tarsus leads from its end to the foot, parallel 
 parallelogram whose other two sides the URDF's chain draws.
 """
 
-from __future__ import annotations
-
 import re
 import warnings
 import xml.etree.ElementTree as ElementTree

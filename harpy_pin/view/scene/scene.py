@@ -5,8 +5,6 @@ The camera follows the walk: the node of the world slides the other way, so that
 front of a camera that stands still, and turning the view with the mouse turns it about the robot.
 """
 
-from __future__ import annotations
-
 from collections.abc import Collection
 from dataclasses import dataclass, field
 from typing import Any

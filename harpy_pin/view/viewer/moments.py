@@ -2,8 +2,6 @@
 reader.
 """
 
-from __future__ import annotations
-
 import mmap
 from itertools import count
 from typing import Any

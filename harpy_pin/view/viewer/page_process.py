@@ -6,8 +6,6 @@ so nodes are moved by transforms, of which it keeps the last. The process ends w
 its standard input is closed.
 """
 
-from __future__ import annotations
-
 import os
 import pickle
 import socket

@@ -289,10 +289,11 @@ def _place(of: str, value: Any) -> Vector:
         or value.ndim != 1
         or len(value) < 3
     ):
-        message = (
-            f"the reference's {of} must be an array of three numbers or more, got {shown(value)}"
+        raise InputError(
+            f"the reference's {of} must be an array of three numbers or more, got {shown(value)}",
+            name="reference",
+            value=value,
         )
-        raise InputError(message, name="reference", value=value)
     return value[:3]
 
 

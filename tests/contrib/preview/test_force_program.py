@@ -2,8 +2,6 @@
 beside Newton and Euler.
 """
 
-from __future__ import annotations
-
 from functools import cache
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Intervals, contacts and footholds of the preview, beside the clock and a circle."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given

@@ -1,7 +1,5 @@
 """What a stride asks of the motors, beside closed forms and a walk."""
 
-from __future__ import annotations
-
 from functools import cache
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Runs by the preview: fast ones in both plants, turns, stops, pushes, and a planner that fails."""
 
-from __future__ import annotations
-
 import warnings
 from functools import cache
 

@@ -1,7 +1,5 @@
 """Processes that Ctrl-C in a terminal does not reach."""
 
-from __future__ import annotations
-
 import signal
 import threading
 from collections.abc import Iterator
