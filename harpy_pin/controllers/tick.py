@@ -1,9 +1,7 @@
 """What the ticks of all controllers have in common: the command, and the answer to bad samples.
 
-The kernel of a tick takes an element of the controller's record, the gait's targets and what was
-measured, writes the command into the record, and returns a status. A sample or targets that are not
-finite are answered by the last command, which fades after ``HOLD_TICKS`` ticks. All arrays are as
-in :class:`harpy_pin.model.state.State`.
+A sample or targets that are not finite are answered by the last command, which fades after
+``HOLD_TICKS`` ticks. All arrays are as in :class:`harpy_pin.model.state.State`.
 """
 
 from __future__ import annotations
@@ -42,18 +40,3 @@ def fading(r: TickRecord) -> float:
         r.bad_samples += 1
         r.bad_in_a_row += 1
     return FADE if r.bad_in_a_row > HOLD_TICKS else 1.0
-
-
-@kernel
-def write_inputs(r: TickRecord, inputs: Vector, apart: bool) -> None:
-    """The torques of inputs [u; τ]; after a bad sample the last command, which fades.
-
-    ``apart`` says whether the thrusts of the command, those of this tick, are other numbers than
-    those of the inputs.
-    """
-    first = inputs.shape[0] - r.torque.shape[0]
-    factor = fading(r)
-    if r.verdict != GOOD:
-        inputs[first if apart else 0 :] *= factor
-        r.thrust *= factor
-    r.torque[:] = inputs[first:]
