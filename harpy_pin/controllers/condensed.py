@@ -10,9 +10,9 @@ from harpy_pin.arguments import checked
 from harpy_pin.controllers.condensed_tick import CondensedTickRecord, find_optimum, take_optimum
 from harpy_pin.controllers.joint_targets import set_condensed_law
 from harpy_pin.controllers.parameters import WholeBodyParameters
-from harpy_pin.controllers.stages import Stages, take_sample, tick_of, write_thrust
 from harpy_pin.controllers.task_controller import TaskController
 from harpy_pin.controllers.thrust_lag import fix, free, release
+from harpy_pin.controllers.tick import Stages, take_sample, tick_of, write_thrust
 from harpy_pin.gaits.gait import Gait
 from harpy_pin.model.record import field
 from harpy_pin.model.state import State, Vector

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from harpy_pin.controllers.stages import TaskTickRecord
 from harpy_pin.controllers.tasks import TasksRecord, forces_in_world
+from harpy_pin.controllers.tick import TaskTickRecord
 from harpy_pin.gaits.gait import GaitTargetRecord
 from harpy_pin.kernels import kernel
 from harpy_pin.model.state import Vector

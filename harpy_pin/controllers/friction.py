@@ -40,7 +40,7 @@ from __future__ import annotations
 import numpy as np
 
 from harpy_pin import checks
-from harpy_pin.controllers.stages import TaskTickRecord
+from harpy_pin.controllers.tick import TaskTickRecord
 from harpy_pin.gaits.gait import GaitTargetRecord
 from harpy_pin.kernels import kernel
 from harpy_pin.model.entry import MAX_SAMPLE, all_possible

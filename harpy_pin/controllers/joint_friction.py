@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from harpy_pin.controllers.stages import TaskTickRecord
+from harpy_pin.controllers.tick import TaskTickRecord
 from harpy_pin.gaits.gait import GaitTargetRecord
 from harpy_pin.kernels import kernel
 from harpy_pin.model.dynamics import DynamicsRecord

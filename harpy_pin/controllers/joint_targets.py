@@ -43,7 +43,7 @@ import pinocchio as pin
 
 from harpy_pin.controllers.condensed_tick import CondensedTickRecord
 from harpy_pin.controllers.parameters import WholeBodyParameters
-from harpy_pin.controllers.stages import TaskTickRecord
+from harpy_pin.controllers.tick import TaskTickRecord
 from harpy_pin.errors import InputError
 from harpy_pin.gaits.gait import GaitTargetRecord
 from harpy_pin.gaits.walking import WalkingParameters

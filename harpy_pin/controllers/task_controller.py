@@ -20,9 +20,9 @@ from harpy_pin.controllers.joint_friction import (
 )
 from harpy_pin.controllers.joint_targets import joint_targets_record
 from harpy_pin.controllers.parameters import WholeBodyParameters
-from harpy_pin.controllers.stages import Stages, TaskTickRecord, write_torque
 from harpy_pin.controllers.tasks import TaskSettingsRecord, TasksRecord, set_tasks
 from harpy_pin.controllers.thrust_lag import advance, thrust_lag_record
+from harpy_pin.controllers.tick import Stages, TaskTickRecord, write_torque
 from harpy_pin.gaits.gait import Gait
 from harpy_pin.kernels import Kernel
 from harpy_pin.model.dynamics import Dynamics, dynamics_record

@@ -14,7 +14,6 @@ from numpy.typing import ArrayLike
 from harpy_pin import checks
 from harpy_pin.arguments import checked
 from harpy_pin.controllers.parameters import WholeBodyParameters
-from harpy_pin.controllers.stages import take_sample, tick_of
 from harpy_pin.controllers.task_controller import TaskController
 from harpy_pin.controllers.thrust_lag import (
     command_thrusts,
@@ -22,7 +21,7 @@ from harpy_pin.controllers.thrust_lag import (
     free_thrusts,
     release_thrusts,
 )
-from harpy_pin.controllers.tick import BAD_SAMPLE
+from harpy_pin.controllers.tick import BAD_SAMPLE, take_sample, tick_of
 from harpy_pin.controllers.whole_body_tick import (
     GAVE_WAY,
     PROGRAMS,

@@ -15,9 +15,8 @@ from functools import cache
 import numpy as np
 
 from harpy_pin.controllers.joint_targets import MotorsTickRecord, set_law
-from harpy_pin.controllers.stages import TaskTickRecord
 from harpy_pin.controllers.tasks import forces_in_world
-from harpy_pin.controllers.tick import BAD_SAMPLE, FALLBACK
+from harpy_pin.controllers.tick import BAD_SAMPLE, FALLBACK, TaskTickRecord
 from harpy_pin.gaits.gait import GaitTargetRecord
 from harpy_pin.kernels import Kernel, kernel
 from harpy_pin.model.contact_map import ContactMapRecord
