@@ -24,9 +24,9 @@ class CondensedController(TaskController):
     """Walks by the optimum in six unknowns; its tasks are those of :class:`WholeBodyController`.
 
     A tick, :meth:`~harpy_pin.controllers.gait_controller.GaitController.step`, calls the gait's
-    kernels and then :func:`~harpy_pin.controllers.condensed_tick.condensed_step`: terms of the
-    dynamics and tasks (:func:`~harpy_pin.controllers.tasks.task_terms`), the optimum
-    (:func:`~harpy_pin.wbc.condensed.solve.solve_condensed`), and the command.
+    kernels and then those of :mod:`harpy_pin.controllers.tick`: the sample is taken, tasks are set,
+    the optimum is found (:func:`~harpy_pin.wbc.condensed.solve.solve_condensed`), and the command
+    is written.
     Where no forces in the cones are within reach of the motors, the last command is held for
     ``hold_ticks`` ticks, as :class:`WholeBodyController` holds it where its program has no
     solution; then the torques are clipped.
