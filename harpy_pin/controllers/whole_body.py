@@ -162,9 +162,9 @@ class WholeBodyController(TaskController):
         for solver in (made, self._second):
             if isinstance(solver, QPSolver):
                 solver.prepare(program)
-        if self._has("lag"):
-            self.problem.prepare(self.dynamics, self.targets)
         parts = self._program_parts
+        if self._has("lag"):
+            self._kernels.build.prepare(record, *parts, sample[1])
         self._kernels.go_on.prepare(record, *parts)
         self._kernels.finish.prepare(record, *parts, *sample[:2])
         self._close.prepare(record, self.target._record_, *sample)
@@ -174,13 +174,15 @@ class WholeBodyController(TaskController):
         Python's.
         """
         super()._make_anew()
+        solver: Any = getattr(self, "_solver", None)
+        if solver is None:
+            return
         formulation, lag = self.parameters.formulation, self._has("lag")
         self._kernels, problem = PROGRAMS[formulation], self.problem
         self._program_parts = problem._record_, problem._terms_, problem.program._record_
         self._opening = tick_of((take_sample,), self._before(), ())
         after = self._after() if lag else (*self._after(), write_solved_thrust)
         self._close = tick_of((), after, self._closing(set_program_law))
-        solver: Any = getattr(self, "_solver", None)
         # Rows of added tasks come from Python, and with a lag of thrusts a tick is two programs.
         own = type(solver) is WarmStartedActiveSet and self.added is None and not lag
         self._in_python = not own
