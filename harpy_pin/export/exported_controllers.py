@@ -25,14 +25,7 @@ from harpy_pin.estimation.estimator import ESTIMATED, Estimator
 from harpy_pin.estimation.record import EstimatorRecord
 from harpy_pin.estimation.statuses import STATUS
 from harpy_pin.estimation.tick import estimate
-from harpy_pin.export.one_record import (
-    FilterTickRecord,
-    PaperTickRecord,
-    ProgramTickRecord,
-    contact_step,
-    paper_step,
-    program_step,
-)
+from harpy_pin.export.one_record import contact_step, paper_step, program_step
 from harpy_pin.gaits.gait import GaitTarget, GaitTargetRecord
 from harpy_pin.gaits.walking.measuring import measure
 from harpy_pin.gaits.walking.record import WalkingRecord
@@ -224,16 +217,13 @@ def _program(controller: WholeBodyController) -> Exportable:
     p, problem = controller.parameters, controller.problem
     _refuse_lags(p)
     _refuse(controller.added is not None, "a program with added tasks")
-    _refuse(
-        not isinstance(controller._solver, WarmStartedActiveSet),
-        "a whole-body QP by another solver than 'active_set'",
-    )
+    _refuse(controller._in_python, "a whole-body QP by another solver than 'active_set'")
     fresh = type(problem)(problem.robot, problem.weights, problem.limits)
     program = fresh.program
     search = WarmStartedActiveSet(program)
     controller.reset()
     record = make_record(
-        ProgramTickRecord,
+        None,
         control=controller._record_,
         problem=fresh._record_,
         terms=fresh.terms,
@@ -265,7 +255,7 @@ def _governed(controller: GovernedController) -> Exportable:
         assert isinstance(governor, ExplicitReferenceGovernor)
         assert isinstance(governor.rows, ForceRows)
         parts |= {"governor": governor._record, "rows": governor.rows._record_}
-        record: Record = make_record(PaperTickRecord, **parts)
+        record: Record = make_record(None, **parts)
         kind, title, step = "paper", "the paper's reference governor", paper_step
     else:
         behind.reset()
@@ -274,7 +264,7 @@ def _governed(controller: GovernedController) -> Exportable:
             "terms": behind.terms,
             "governor": behind._record_,
         }
-        record = make_record(FilterTickRecord, **parts)
+        record = make_record(None, **parts)
         kind, title, step = (
             "filter",
             "the paper's controller behind the contact-force filter",
