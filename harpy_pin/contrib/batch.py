@@ -20,7 +20,7 @@ from harpy_pin.controllers.joint_targets import (
 )
 from harpy_pin.controllers.parameters import WholeBodyParameters
 from harpy_pin.controllers.task_controller import tasks_record
-from harpy_pin.controllers.tasks import forces_in_world, task_terms
+from harpy_pin.controllers.tasks import forces_in_world, measured_terms, set_tasks
 from harpy_pin.errors import InputError, reason
 from harpy_pin.gaits.gait import Gait, GaitTarget, GaitTargetRecord
 from harpy_pin.gaits.standing import Hovering, Standing
@@ -319,7 +319,8 @@ def step_batch(
         r.targets.friction[:] = mu[i]
         m.follows = follows[i]
         m.target[:] = target[i]
-        if task_terms(r, gait[0], q[i], v[i], foot_force[i]) == GOOD:
+        if measured_terms(r, gait[0], q[i], v[i], foot_force[i]) == GOOD:
+            set_tasks(r, gait[0], q[i], v[i], foot_force[i])
             solve_condensed(d, r.targets, p, v[i])
             forces_in_world(r.targets, p.force)
             status[i] = p.status_and_steps[0]

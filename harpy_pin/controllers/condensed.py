@@ -7,15 +7,12 @@ from collections.abc import Mapping
 from numpy.typing import ArrayLike
 
 from harpy_pin.arguments import checked
-from harpy_pin.controllers.condensed_tick import CondensedTickRecord, condensed_step
-from harpy_pin.controllers.joint_targets import (
-    WITH_TARGETS,
-    CondensedMotorsRecord,
-    LaggedMotorsRecord,
-)
+from harpy_pin.controllers.condensed_tick import CondensedTickRecord, find_optimum, take_optimum
+from harpy_pin.controllers.joint_targets import set_condensed_law
 from harpy_pin.controllers.parameters import WholeBodyParameters
 from harpy_pin.controllers.task_controller import TaskController
-from harpy_pin.controllers.thrust_lag import LaggedTickRecord, lagged_step, thrust_lag_record
+from harpy_pin.controllers.thrust_lag import fix, free, release
+from harpy_pin.controllers.tick import Stages, take_sample, tick_of, write_thrust
 from harpy_pin.gaits.gait import Gait
 from harpy_pin.model.record import field
 from harpy_pin.model.state import State, Vector
@@ -27,9 +24,9 @@ class CondensedController(TaskController):
     """Walks by the optimum in six unknowns; its tasks are those of :class:`WholeBodyController`.
 
     A tick, :meth:`~harpy_pin.controllers.gait_controller.GaitController.step`, calls the gait's
-    kernels and then :func:`~harpy_pin.controllers.condensed_tick.condensed_step`: terms of the
-    dynamics and tasks (:func:`~harpy_pin.controllers.tasks.task_terms`), the optimum
-    (:func:`~harpy_pin.wbc.condensed.solve.solve_condensed`), and the command.
+    kernels and then those of :mod:`harpy_pin.controllers.tick`: the sample is taken, tasks are set,
+    the optimum is found (:func:`~harpy_pin.wbc.condensed.solve.solve_condensed`), and the command
+    is written.
     Where no forces in the cones are within reach of the motors, the last command is held for
     ``hold_ticks`` ticks, as :class:`WholeBodyController` holds it where its program has no
     solution; then the torques are clipped.
@@ -55,11 +52,7 @@ class CondensedController(TaskController):
         condensed = condensed_record(
             self.robot, p.weights, p.limits, tasks=[*tasks], hold_ticks=p.hold_ticks
         )
-        lag = thrust_lag_record(self.robot, p)
-        if lag is None:
-            self._begin_tasks(CondensedTickRecord, CondensedMotorsRecord, condensed=condensed)
-        else:
-            self._begin_tasks(LaggedTickRecord, LaggedMotorsRecord, condensed=condensed, lag=lag)
+        self._begin_tasks(CondensedTickRecord, condensed=condensed)
         record = self._record_["condensed"]
         self.added = adopt_tasks(tasks, record, record["newton"])
         self.solver = CondensedSolver(
@@ -80,10 +73,12 @@ class CondensedController(TaskController):
     def _make_anew(self) -> None:
         """See :meth:`GaitController._make_anew`."""
         super()._make_anew()
-        parts = self._record_.dtype.names or ()
-        self._step = lagged_step if "lag" in parts else condensed_step
-        if "motors" in parts:
-            self._step = WITH_TARGETS["lagged" if "lag" in parts else "condensed"]
+        if self._has("lag"):
+            optimum: Stages = free, find_optimum, fix, find_optimum, release, take_optimum
+        else:
+            optimum = find_optimum, take_optimum, write_thrust
+        stages = *self._before(), *optimum, *self._after()
+        self._step = tick_of((take_sample,), stages, self._closing(set_condensed_law))
 
     def reset(self) -> None:
         """Forget the last command, the active sets and the estimates."""
@@ -92,8 +87,6 @@ class CondensedController(TaskController):
         for name in ("inputs", "last_inputs"):
             self.solver._record_[name] = 0
         self._clipped[:] = 0, self.parameters.hold_ticks  # there is no command to hold
-        if "lag" in (self._record_.dtype.names or ()):
-            self._record_["lag"]["settled"] = 0
 
     @property
     def clipped(self) -> int:

@@ -1,17 +1,12 @@
-"""The tick of the condensed whole-body controller: one kernel for the library, its loop in C, and
-the exported C.
-"""
+"""The stages of the condensed whole-body controller's tick that find the optimum."""
 
 from __future__ import annotations
 
-from harpy_pin.controllers.friction import note_inputs
-from harpy_pin.controllers.tasks import TasksRecord, forces_in_world, task_terms
-from harpy_pin.controllers.tick import BAD_SAMPLE, TickRecord, write_inputs
+from harpy_pin.controllers.tasks import TasksRecord, forces_in_world
+from harpy_pin.controllers.tick import TaskTickRecord
 from harpy_pin.gaits.gait import GaitTargetRecord
 from harpy_pin.kernels import kernel
-from harpy_pin.model.entry import GOOD
 from harpy_pin.model.state import Vector
-from harpy_pin.model.terms import write_thrusts
 from harpy_pin.wbc.condensed.solve import CondensedRecord, hold_last, solve_condensed
 
 
@@ -21,35 +16,28 @@ class CondensedTasksRecord(TasksRecord):
     condensed: CondensedRecord  # what that knows and works in
 
 
-class CondensedTickRecord(CondensedTasksRecord, TickRecord):
+class CondensedTickRecord(TaskTickRecord, CondensedTasksRecord):
     """The condensed whole-body controller."""
 
 
-@kernel(
-    v="r.dynamics.bias", foot_force="r.targets.feet"
-)  # arrays of the record that have the same shape
-def condensed_step(
+@kernel
+def find_optimum(
     r: CondensedTickRecord, target: GaitTargetRecord, q: Vector, v: Vector, foot_force: Vector
-) -> int:
-    """A tick: terms, tasks, optimum, command, of the measured q (nq,), v (nv,) and forces on the
-    feet (feet, 3), N.
-
-    Returns the status: :class:`~harpy_pin.wbc.condensed.CondensedStatus`, or ``BAD_SAMPLE``.
-    """
-    d, optimum = r.dynamics, r.condensed
-    r.verdict = task_terms(r, target, q, v, foot_force)
-    if r.verdict == GOOD:
-        optimum.configuration[:] = q
-        solve_condensed(d, r.targets, optimum, v)
-        finish_optimum(r)
-        write_thrusts(d, optimum.inputs, r.thrust)
-    write_inputs(r, optimum.inputs, d.rotor_axis.shape[0] > 0)
-    return optimum.status_and_steps[0] if r.verdict == GOOD else BAD_SAMPLE
+) -> None:
+    """The optimum of the tasks; it begins from the inputs of the last tick."""
+    p = r.condensed
+    p.configuration[:] = q
+    p.inputs[:] = r.inputs
+    solve_condensed(r.dynamics, r.targets, p, v)
 
 
 @kernel
-def finish_optimum(r: CondensedTasksRecord) -> None:
-    """Forces in world axes, and what the next tick needs."""
-    forces_in_world(r.targets, r.condensed.force)
-    hold_last(r.condensed)
-    note_inputs(r.joint_friction, r.condensed.inputs)
+def take_optimum(
+    r: CondensedTickRecord, target: GaitTargetRecord, q: Vector, v: Vector, foot_force: Vector
+) -> None:
+    """Its inputs and status, and its forces in world axes; clipped torques are held."""
+    p = r.condensed
+    forces_in_world(r.targets, p.force)
+    hold_last(p)
+    r.inputs[:] = p.inputs
+    r.status = p.status_and_steps[0]

@@ -33,18 +33,6 @@ What holds, for every sequence of samples:
 Not proved: that the estimate is below the true coefficient before a foot has slid. The friction of
 a place that no foot has tried is unknown; the first foot on ice slides until that is noticed
 (``docs/friction.md`` says how far).
-
-**Friction in the joints** that the model does not have is estimated, too. The joints' rows of the
-equations of motion leave it over,
-
-    φ = τ + J_fᵀ f + J_tᵀ u − M a − n − B v,    a = Δv / period,
-
-from the last command, the measured contact forces and two measured velocities. For every joint,
-least squares with exponential forgetting fit φ = b v + c tanh(v / ``KNEE``) with b, c ≥ 0: viscous
-and Coulomb friction. The fit is drawn to zero where a joint has hardly moved. The controllers' bias
-forces then contain it. Ticks in which a contact force changes by more than ``IMPACT`` are left out.
-Dry friction c that the model has is in the bias forces beforehand, as c tanh(v / ``KNOWN_KNEE``):
-along the motion and below c, so that it moves no joint on its own.
 """
 
 from __future__ import annotations
@@ -52,10 +40,11 @@ from __future__ import annotations
 import numpy as np
 
 from harpy_pin import checks
+from harpy_pin.controllers.tick import TaskTickRecord
+from harpy_pin.gaits.gait import GaitTargetRecord
 from harpy_pin.kernels import kernel
-from harpy_pin.model.dynamics import DynamicsRecord
 from harpy_pin.model.entry import MAX_SAMPLE, all_possible
-from harpy_pin.model.record import ZERO, RecordOf, Records, make_record, sized
+from harpy_pin.model.record import RecordOf, Records, make_record, sized
 from harpy_pin.model.state import Vector
 
 LEAST_ESTIMATE = 0.03
@@ -72,22 +61,11 @@ MEMORY = 0.1
 """Time constant with which proven ratios are forgotten, s."""
 RECOVERY = 0.15
 """Rate at which the estimate of a foot that sticks rises, 1/s."""
-JOINT_MEMORY = 0.5
-"""Time constant of the forgetting, s."""
-KNEE = 0.05
-"""Velocity at which Coulomb friction is mostly there, rad/s."""
-KNOWN_KNEE = 0.3
-"""The same for the dry friction of the model, rad/s."""
-RIDGE = 1.0
-"""Sum of squares of a regressor, (rad/s)² or 1, that draws the fit half-way to zero."""
-IMPACT = 20.0
-"""N."""
 
 
 class FrictionRecord(RecordOf):
     """Memory of the estimate."""
 
-    on: int  # whether there is an estimate at all
     assumed: float  # as given
     weight: float  # of a new sample in the low-pass
     keep: float  # share of the proven ratio that is left after a tick
@@ -106,9 +84,7 @@ class FrictionRecord(RecordOf):
     loss: Vector = sized("feet")  # (feet,) low-passed power that friction takes, −f_t·v, W
 
 
-def friction_record(
-    *, assumed: float, feet: int, period: float, on: bool = True
-) -> Records[FrictionRecord]:
+def friction_record(*, assumed: float, feet: int, period: float) -> Records[FrictionRecord]:
     """A new :class:`FrictionRecord`; arguments and errors as of
     :class:`~harpy_pin.controllers.governed.FrictionEstimator`."""
     assumed = checks.number("assumed friction", assumed, low=0.0, high=checks.MAX_FRICTION)
@@ -116,7 +92,6 @@ def friction_record(
     return make_record(
         FrictionRecord,
         {"feet": feet},
-        on=bool(on),
         assumed=assumed,
         weight=1.0 - np.exp(-period / FILTER_TIME),
         keep=np.exp(-period / MEMORY),
@@ -193,69 +168,20 @@ def _conclude(p: FrictionRecord, k: int) -> None:
         p.proven[k] *= p.keep
 
 
-class JointFrictionEstimateRecord(RecordOf):
-    """Dry friction of the joints as the model has it, and the estimate of what it does not have."""
+class FrictionTickRecord(TaskTickRecord):
+    """A whole-body controller with this estimate."""
 
-    on: int  # 1 where there is an estimate
-    period: float  # between ticks, s
-    known: int = ZERO  # 1 where the last tick is known
-    velocity: Vector = sized("nv")  # (nv,) of the last tick
-    force: Vector = sized("feet", 3)  # (feet, 3) of the last tick, N
-    inputs: Vector = sized(
-        "thrusts + joints"
-    )  # (thrust variables + joints,) [u; τ] of the last tick, N and N·m
-    # (joints, 5) of squares and products: v v, v s, s s, v φ and s φ, with s = tanh(v / KNEE)
-    sums: Vector = sized("joints", 5)
-    viscous: Vector = sized("joints")  # (joints,) b, N·m·s/rad
-    coulomb: Vector = sized("joints")  # (joints,) c, N·m
-    dry: Vector  # (joints,) dry friction that the model has, N·m; (0,) where it has none
+    friction: FrictionRecord
 
 
 @kernel
-def note_inputs(f: JointFrictionEstimateRecord, inputs: Vector) -> None:
-    """Keep the command of a tick, [u; τ], for the next."""
-    if f.on:
-        f.inputs[:] = inputs
-
-
-@kernel
-def add_joint_friction(
-    f: JointFrictionEstimateRecord, d: DynamicsRecord, v: Vector, foot_force: Vector
+def estimate_friction(
+    r: FrictionTickRecord, g: GaitTargetRecord, q: Vector, v: Vector, foot_force: Vector
 ) -> None:
-    """Update the estimate with measured forces (feet, 3), N, and add it to the bias forces of the
-    present state.
-    """
-    size = f.force.size
-    calm = np.all(abs(foot_force.reshape((size,)) - f.force.reshape((size,))) < IMPACT)
-    f.force[:] = foot_force
-    if calm and f.known != 0:
-        _fit(f, d, v, foot_force)
-    f.velocity[:] = v
-    f.known = 1
-    d.bias[6:] += f.viscous * v[6:] + f.coulomb * np.tanh(v[6:] / KNEE)
-
-
-@kernel
-def _fit(f: JointFrictionEstimateRecord, d: DynamicsRecord, v: Vector, foot_force: Vector) -> None:
-    """Least squares with the residual of this tick."""
-    thrusts, sums = d.thruster_jacobian.shape[0], f.sums
-    residual = f.inputs[thrusts:] - d.bias[6:] - d.damping[6:] * v[6:]
-    residual -= d.mass_matrix[6:] @ (v - f.velocity) / f.period
-    residual += foot_force.reshape((f.force.size,)) @ d.foot_jacobian[:, 6:]
-    residual += f.inputs[:thrusts] @ d.thruster_jacobian[:, 6:]
-    speed = 0.5 * (v[6:] + f.velocity[6:])
-    sign = np.tanh(speed / KNEE)
-    sums *= 1.0 - min(f.period / JOINT_MEMORY, 1.0)
-    sums[:, 0] += speed * speed
-    sums[:, 1] += speed * sign
-    sums[:, 2] += sign * sign
-    sums[:, 3] += speed * residual
-    sums[:, 4] += sign * residual
-    first, last = sums[:, 0] + RIDGE, sums[:, 2] + RIDGE
-    determinant = first * last - sums[:, 1] * sums[:, 1]
-    viscous = (last * sums[:, 3] - sums[:, 1] * sums[:, 4]) / determinant
-    coulomb = (first * sums[:, 4] - sums[:, 1] * sums[:, 3]) / determinant
-    # Where one of the two would be negative, it is zero and the other one is fitted alone.
-    f.viscous[:] = np.maximum(np.where(coulomb < 0.0, sums[:, 3] / first, viscous), 0.0)
-    f.viscous[:] = np.where(viscous < 0.0, 0.0, f.viscous)
-    f.coulomb[:] = np.maximum(np.where(viscous < 0.0, sums[:, 4] / last, coulomb), 0.0)
+    """The stage of a tick after its tasks: the estimate, for the friction cones."""
+    t = r.targets
+    if t.tilted:
+        update_friction(r.friction, t.measured, r.dynamics.foot_velocity, t.held)
+    else:
+        update_friction(r.friction, foot_force, r.dynamics.foot_velocity, t.held)
+    t.friction[:] = r.friction.estimate

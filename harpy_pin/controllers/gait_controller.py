@@ -1,13 +1,15 @@
-"""What the controllers of this package share: states of any form are converted, and bad samples are
-answered.
+"""What the controllers of this package share: one tick, which takes states of any form, and answers
+bad samples.
 """
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import asdict
 from math import isfinite
+from operator import attrgetter
 from threading import RLock
 from typing import Any, ClassVar
 
@@ -24,6 +26,14 @@ from harpy_pin.model.entry import MISFIT, as_state
 from harpy_pin.model.memory import KeepsViews
 from harpy_pin.model.record import Records, field
 from harpy_pin.model.state import Command, State, Vector
+
+Tick = Callable[[State], int | None]
+"""A tick, or a part of it, in C: its status, or None where Python has to go on."""
+_FEET = ("foot_position", "foot_velocity")
+
+
+def _python(state: State) -> None:
+    """The tick that C knows nothing of."""
 
 
 class GaitController(KeepsViews, ABC):
@@ -53,13 +63,13 @@ class GaitController(KeepsViews, ABC):
             none.
     """
 
-    _made_anew: ClassVar[tuple[str, ...]] = ("_step", "_parts", "_chain", "_lock")
-    _step: Kernel[int]  # of a tick: record, targets, what was measured, and further parts
+    measured: ClassVar[tuple[str, ...]] = ("q", "v", "foot_force")
+    """Measurements of a state, in the order of the kernel's arguments."""
+    _made_anew: ClassVar[tuple[str, ...]] = ("_step", "_parts", "_all", "_first", "_take", "_lock")
+    _measured: ClassVar[attrgetter[tuple[Vector, ...]]] = attrgetter(*measured)
+    _step: Kernel[int]  # of a tick up to what is Python: record, targets, sample, further parts
     _parts: tuple[NDArray[Any], ...] = ()
-    _in_python = False  # whether a tick is Python's, not that kernel alone
-    _chain: Chain | None = None  # gait and controller in one crossing from Python
-    _chained = False  # whether that was looked for
-    parameters: GovernedParameters | WholeBodyParameters
+    _in_python = False  # whether Python goes on after that kernel
     _record_: Records[Any]  # of the controller
     _intended: Vector | None = None  # acceleration of the last command
     _command: Command  # of the last tick, in the record
@@ -75,7 +85,6 @@ class GaitController(KeepsViews, ABC):
         self.robot = gait.robot
         self.parameters, self.period = parameters, parameters.period
         self.target: GaitTarget = self.gait.target
-        self._convert = False  # whether states come in a form that kernels do not take
 
     def _begin(self, record: Records[Any]) -> None:
         """Take up the record of the controller, and begin to compile its tick."""
@@ -89,20 +98,16 @@ class GaitController(KeepsViews, ABC):
         self._signals = {"bad_samples": self._bad_samples}
         q, v = self.gait.initial_state()
         self._sample = (q.copy(), v.copy(), *np.zeros((3, len(self.robot.feet), 3)))
-        self._nothing = (np.full(q.shape, np.nan), *self._sample[1:])
+        self._nothing = self._measured(State(0.0, np.full(q.shape, np.nan), *self._sample[1:]))
         self._make_anew()
 
     @abstractmethod
     def _make_anew(self) -> None:
         """Choose the kernel of the tick, :attr:`_step`."""
-        self._chain, self._chained, self._lock = None, False, RLock()
-
-    measured: ClassVar[tuple[str, ...]] = ("q", "v", "foot_force")
-    """Measurements of a state, in the order of the kernel's arguments."""
-
-    def _measured(self, state: State) -> tuple[Vector, ...]:
-        """What the kernel of the tick takes of a state."""
-        return state.q, state.v, state.foot_force
+        self._lock = RLock()
+        self._all: Tick = _python  # of a state in one crossing from Python: the whole tick,
+        self._first: Tick = _python  # gait and kernel,
+        self._take: Tick = _python  # or only the sample, whose types and shapes are checked
 
     def __repr__(self) -> str:
         gait = type(self.gait).__name__
@@ -126,70 +131,61 @@ class GaitController(KeepsViews, ABC):
         Raises:
             InputError: an array of the state has the wrong shape, or no numbers.
         """
-        chain = self._chain
-        if chain is not None:
-            status = chain(state)
-            if status is not None:
-                if status == BAD_SAMPLE:
-                    self._refuse_misfit(state)
-                return self._command
-        with self._lock:
-            self._chain = None  # so that other threads wait here
-            try:
-                if self._convert:
-                    state = as_state(state, self.robot)
+        status = self._all(state)
+        if status is None:  # it is not as C takes it, or Python takes part
+            with self._lock:
+                self._all = _python  # so that other threads wait here
                 try:
-                    return self._tick(state)
-                except Exception:
-                    fit = as_state(state, self.robot)
-                    if fit is state:
-                        raise
-                    self._convert = True
-                return self._tick(fit)
-            finally:
-                self._chain = self._chain or chain
-
-    def _plan(self, state: State) -> GaitTarget:
-        """Targets of the gait at a state whose time is finite, checked where they are another
-        object than before.
-        """
-        self.gait.observe(state)
-        target = self.gait.update(state.t)
-        if target is not self.target:
-            self.target = check_target(target, self.robot)
-        return target
-
-    def _tick(self, state: State) -> Command:
-        """One tick: the gait's targets, then everything else.
-
-        A time at which no gait has targets is answered as a bad sample; so is all before a gait has
-        seen a good one.
-        """
-        answer, target = self._answer_in_python if self._in_python else self._answer, None
-        if -LONGEST < state.t < LONGEST:
-            try:
-                target = self._plan(state)
-            except Unobserved:
-                target = None
-        if target is None:
-            status = answer(self.target._record_, State(0.0, *self._nothing))
-        else:
-            status = answer(target._record_, state)
-            if not self._chained:
-                self._join()
+                    status = self._tick(state)
+                finally:
+                    self._all = _python if self._in_python else self._first
         if status == BAD_SAMPLE:
             self._refuse_misfit(state)
         return self._command
 
-    def _answer(self, target: Records[Any], state: State) -> int:
-        """Everything after the gait's targets, in one kernel; returns the status of the tick."""
-        return self._step(self._record_, target, *self._measured(state), *self._parts)
+    def _tick(self, state: State) -> int:
+        """One tick, a stage after the other: the sample, the gait, then everything else."""
+        if self._take is _python:
+            self._join()
+        status = self._first(state)
+        if status is None and self._take(state) is None:
+            state = as_state(state, self.robot)
+            status = self._first(state)
+        if status is None:
+            sample = self._plan(state)
+            status = self._step(self._record_, self.target._record_, *sample, *self._parts)
+        return self._go_on(status, state) if self._in_python else status
 
-    def _answer_in_python(self, target: Records[Any], state: State) -> int:
-        """Everything after the gait's targets, where a part of it is Python; returns the status of
-        the tick.
+    def _plan(self, state: State) -> tuple[Vector, ...]:
+        """Targets of the gait in Python; the sample, which is no numbers where it has none.
+
+        A time at which no gait has targets is answered as a bad sample; so is all before a gait has
+        seen a good one.
         """
+        if -LONGEST < state.t < LONGEST:
+            with suppress(Unobserved):
+                self.gait.observe(state)
+                target = self.gait.update(state.t)
+                if target is not self.target:
+                    self.target = check_target(target, self.robot)
+                return self._measured(state)
+        return self._nothing
+
+    def _go_on(self, status: int, state: State) -> int:
+        """What is Python's of a tick, after its kernel; returns the status of the tick."""
         raise NotImplementedError
+
+    def _join(self) -> None:
+        """Join gait and kernel, so that one crossing from Python calls both."""
+        state = State(0.0, *self._sample)
+        memory = {name: getattr(state, name) for name in (*self.measured, *_FEET)}
+        self._take = Chain((), memory, longest=LONGEST)
+        calls = self._calls(state)
+        others = [memory.pop(name) for name in _FEET if name not in self.measured]
+        if calls is not None and not any(  # else the gait takes more of a state than the controller
+            one is array for call in calls for one in call.arguments for array in others
+        ):
+            self._first = Chain(calls, memory, longest=LONGEST)
 
     def telemetry(self) -> Mapping[str, ArrayLike]:
         """Signals of the last tick, by name: those of the controller, then those of its gait."""
@@ -207,44 +203,16 @@ class GaitController(KeepsViews, ABC):
         Args:
             state: arrays of the measured state, which stay where they are.
         """
-        calls = None if self._in_python else self._kernels(state)
+        calls = None if self._in_python else self._calls(state)
         return None if calls is None else (*calls, Call(sample_fits, self._record_, expected=True))
 
-    def _kernels(self, state: State) -> tuple[Call, ...] | None:
-        """The kernels of gait and controller; None where one of them does more, as a class of the
-        user's may.
-        """
+    def _calls(self, state: State) -> tuple[Call, ...] | None:
+        """Gait and kernel; None where one of them does more, as a class of the user's may."""
         calls = self.gait.calls(state)
         if calls is None or not type(self).__module__.startswith("harpy_pin."):
             return None
-        measured = self._measured(state)
-        return *calls, Call(
-            self._step, self._record_, self.target._record_, *measured, *self._parts
-        )
-
-    def _join(self) -> None:
-        """Join the kernels of gait and controller, so that one crossing from Python calls all of
-        them.
-        """
-        self._chained = True
-        if not self._in_python:
-            self._chain = self._joined()
-
-    def _joined(self) -> Chain | None:
-        """The kernels of gait and controller in one; None where that cannot be."""
-        state = State(0.0, *self._sample)
-        calls = self._kernels(state)
-        if calls is None:
-            return None
-        measured = dict(zip(self.measured, self._measured(state), strict=True))
-        others = [
-            getattr(state, name)
-            for name in ("foot_position", "foot_velocity")
-            if name not in measured
-        ]
-        if any(one is array for call in calls for one in call.arguments for array in others):
-            return None  # the gait takes more of a state than the controller does
-        return Chain(calls, measured, longest=LONGEST)
+        record, target = self._record_, self.target._record_
+        return *calls, Call(self._step, record, target, *self._measured(state), *self._parts)
 
     def _refuse_misfit(self, state: State) -> None:
         """Raise where a sample was no bad one, but one of another robot, or the gait's targets are

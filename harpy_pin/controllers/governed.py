@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import asdict
+from operator import attrgetter
 from typing import Any
 
 import numpy as np
@@ -33,7 +34,7 @@ from harpy_pin.governors.rows import ForceRows
 from harpy_pin.ground.contact_frame import in_contact_frames
 from harpy_pin.model.entry import GOOD, as_array
 from harpy_pin.model.memory import KeepsViews, fixed_arrays
-from harpy_pin.model.record import Records, field
+from harpy_pin.model.record import field
 from harpy_pin.model.state import State, Vector
 
 
@@ -135,45 +136,38 @@ class GovernedController(GaitController):
         """
         super()._make_anew()
         governor, force_filter = self._governor, self._force_filter
-        forward = "forward" in (self._record_.dtype.names or ())
-        steps = FORWARD_STEPS if forward else STEPS
+        forward = self.parameters.legs == "feedforward"
         self._actuate = actuate_forward if forward else actuate
-        self._step, self._parts, joined = (
-            steps["none"],
-            (),
-            governor is None and force_filter is None,
-        )
-        if type(governor) is ExplicitReferenceGovernor and isinstance(governor.rows, ForceRows):
-            self._step, self._parts = steps["paper"], (governor._record, governor.rows._record_)
-            joined = force_filter is None
-        elif type(force_filter) is ContactForceFilter and governor is None:
-            self._step, joined = steps["filter"], True
+        steps = FORWARD_STEPS if forward else STEPS
+        self._step, self._parts, self._in_python = measure, (), True
+        if self.friction is not None:
+            return
+        if governor is None and force_filter is None:
+            self._step, self._in_python = steps["none"], False
+        elif force_filter is None and type(governor) is ExplicitReferenceGovernor:
+            if isinstance(governor.rows, ForceRows):
+                self._step, self._in_python = steps["paper"], False
+                self._parts = governor._record, governor.rows._record_
+        elif governor is None and type(force_filter) is ContactForceFilter:
+            self._step, self._in_python = steps["filter"], False
             self._parts = (
                 force_filter.dynamics._record_,
                 force_filter._terms_,
                 force_filter._record_,
             )
-        self._in_python = not joined or self.friction is not None
 
     def _prepare(self) -> None:
         """Begin to compile the kernels of a tick."""
         record, target, example = self._record_, self.target._record_, State(0.0, *self._sample)
-        measured = self._measured(example)
-        if not self._in_python:
-            self._step.prepare(record, target, *measured, *self._parts)
-            return
-        measure.prepare(record, target, *measured)
-        self._actuate.prepare(
-            record, target, self.applied, example.q, example.v, example.foot_force
-        )
-        if self._force_filter is not None:
-            limit_bent.prepare(record, self.applied, self._force_filter.bend)
+        self._step.prepare(record, target, *self._measured(example), *self._parts)
+        if self._in_python:
+            sample = example.q, example.v, example.foot_force
+            self._actuate.prepare(record, target, self.applied, *sample)
+            if self._force_filter is not None:
+                limit_bent.prepare(record, self.applied, self._force_filter.bend)
 
     measured = ("q", "v", "foot_position", "foot_force")
-
-    def _measured(self, state: State) -> tuple[Vector, ...]:
-        """See :meth:`GaitController._measured`."""
-        return state.q, state.v, state.foot_position, state.foot_force
+    _measured = attrgetter(*measured)
 
     @property
     def governor(self) -> Governor | None:
@@ -205,10 +199,12 @@ class GovernedController(GaitController):
         if self.friction is not None:
             self.friction.reset()
 
-    def _answer_in_python(self, target: Records[Any], state: State) -> int:
-        """The kernels' parts around governors of any kind, and an estimate of the friction."""
+    def _go_on(self, status: int, state: State) -> int:
+        """Around governors of any kind, and an estimate of the friction, what follows the
+        sample.
+        """
         record, governor, force_filter = self._record_, self._governor, self._force_filter
-        if measure(record, target, *self._measured(state)) != GOOD:
+        if self._verdict != GOOD:
             return BAD_SAMPLE
         if self.friction is not None:
             self._estimate(self.friction, state)
@@ -217,7 +213,8 @@ class GovernedController(GaitController):
                 governor.reset(self._reference_)
                 record["started"] = 1
             self._applied_ = governor.update(self._seen, self._reference_, self.period)
-        self._actuate(record, target, self._applied_, state.q, state.v, state.foot_force)
+        sample = state.q, state.v, state.foot_force
+        self._actuate(record, self.target._record_, self._applied_, *sample)
         if force_filter is not None:
             force_filter.normal[:] = self.target.normal
             force_filter.update(state, self._command)

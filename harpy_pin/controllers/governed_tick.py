@@ -36,7 +36,7 @@ from harpy_pin.model.entry import (
     is_unit,
 )
 from harpy_pin.model.kinematics import LegGeometry, LegRecord, leg_inverse, leg_jacobian
-from harpy_pin.model.record import ZERO, RecordOf, Records, fields, make_record, sized
+from harpy_pin.model.record import ZERO, Records, fields, make_record, sized
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
 from harpy_pin.model.terms import body_rotation, update_terms
@@ -72,23 +72,6 @@ class ControlRecord(CentreGainsRecord, TickRecord):
     started: int = ZERO  # 1 after the first good sample, at which the applied reference begins
     left: LegRecord  # geometry of the left leg
     right: LegRecord  # of the right one
-
-
-class PaperTickRecord(RecordOf):
-    """The controller with the paper's reference governor, in one record."""
-
-    control: ControlRecord  # gains, references and the command
-    governor: ErgRecord  # of the reference
-    rows: ForceRowsRecord  # its constraints
-
-
-class FilterTickRecord(RecordOf):
-    """The controller in front of the contact-force filter, in one record."""
-
-    control: ControlRecord  # gains, references and the command
-    dynamics: DynamicsRecord  # terms of the equations of motion
-    terms: ContactMapRecord  # how thrusts and torques change the contact forces
-    governor: ContactForceFilterRecord  # the filter
 
 
 def control_record(
@@ -348,32 +331,3 @@ def steps_of(actuate: Kernel[None]) -> dict[str, Kernel[int]]:
 
 STEPS = steps_of(actuate)
 """Kernels of a tick with the paper's joint PID, by governor."""
-_PAPER, _CONTACT = STEPS["paper"], STEPS["filter"]
-
-
-@kernel
-def paper_step(
-    r: PaperTickRecord,
-    target: GaitTargetRecord,
-    q: Vector,
-    v: Vector,
-    foot_position: Vector,
-    foot_force: Vector,
-) -> int:
-    """The tick with the paper's governor, on one record."""
-    return _PAPER(r.control, target, q, v, foot_position, foot_force, r.governor, r.rows)
-
-
-@kernel
-def contact_step(
-    r: FilterTickRecord,
-    target: GaitTargetRecord,
-    q: Vector,
-    v: Vector,
-    foot_position: Vector,
-    foot_force: Vector,
-) -> int:
-    """The tick with the contact-force filter, on one record."""
-    return _CONTACT(
-        r.control, target, q, v, foot_position, foot_force, r.dynamics, r.terms, r.governor
-    )

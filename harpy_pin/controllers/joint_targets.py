@@ -41,15 +41,14 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 
-from harpy_pin.controllers.condensed_tick import CondensedTickRecord, condensed_step
+from harpy_pin.controllers.condensed_tick import CondensedTickRecord
 from harpy_pin.controllers.parameters import WholeBodyParameters
-from harpy_pin.controllers.thrust_lag import LaggedTickRecord, lagged_step
-from harpy_pin.controllers.tick import TickRecord
+from harpy_pin.controllers.tick import TaskTickRecord
 from harpy_pin.errors import InputError
 from harpy_pin.gaits.gait import GaitTargetRecord
 from harpy_pin.gaits.walking import WalkingParameters
 from harpy_pin.gaits.walking.build import build_of
-from harpy_pin.kernels import Kernel, kernel
+from harpy_pin.kernels import kernel
 from harpy_pin.model.entry import FADE, GOOD, HOLD_TICKS
 from harpy_pin.model.record import ZERO, RecordOf, Records, make_record, sized
 from harpy_pin.model.robot import Robot
@@ -87,7 +86,6 @@ class JointTargetsRecord(RecordOf):
     motion: Vector = sized(2, "joints")  # y, rad/s² and rad/s
     square: Vector = sized(2, "joints")  # ⟨y²⟩
     law: Vector = sized(4, "joints")  # of the command: see :class:`harpy_pin.model.state.Command`
-    acceleration: Vector = sized("nv")  # that a solution of the whole-body QP brings about
 
 
 def joint_targets_record(
@@ -202,44 +200,34 @@ def move_targets(
     m.follows = 1 if usable else 0
 
 
+class MotorsTickRecord(TaskTickRecord):
+    """A whole-body controller with joint targets."""
+
+    motors: JointTargetsRecord  # of them
+
+
+class CondensedMotorsRecord(MotorsTickRecord, CondensedTickRecord):
+    """The condensed one."""
+
+
 @kernel
-def keep_targets(r: TickRecord, m: JointTargetsRecord) -> None:
-    """The law after a bad sample: that of the last tick, which fades as the torques do."""
-    factor = FADE if r.bad_in_a_row > HOLD_TICKS else 1.0
-    m.law[2:] *= factor
-    m.follows = 0
+def set_law(r: MotorsTickRecord, acceleration: Vector, usable: bool, q: Vector, v: Vector) -> None:
+    """The motors' law of a tick, by the acceleration (nv,) of an optimum, where that is ``usable``.
+
+    After a bad sample it is that of the last tick, which fades as the torques do.
+    """
+    m = r.motors
+    if r.verdict == GOOD:
+        add_lacking(m, r.targets.held, acceleration, usable, v, r.torque)
+        move_targets(m, acceleration, usable, q, v)
+    else:
+        m.law[2:] *= FADE if r.bad_in_a_row > HOLD_TICKS else 1.0
+        m.follows = 0
 
 
-class CondensedMotorsRecord(CondensedTickRecord):
-    """The condensed whole-body controller, with joint targets."""
-
-    motors: JointTargetsRecord  # of them
-
-
-class LaggedMotorsRecord(LaggedTickRecord):
-    """The same where thrusts lag."""
-
-    motors: JointTargetsRecord  # of them
-
-
-def _with_targets(step: Kernel[int]) -> Kernel[int]:
-    """A tick of the condensed controller, and the joint targets after it."""
-
-    @kernel(v="r.dynamics.bias", foot_force="r.targets.feet")
-    def step_with_targets(
-        r: CondensedMotorsRecord, target: GaitTargetRecord, q: Vector, v: Vector, foot_force: Vector
-    ) -> int:
-        status = step(r, target, q, v, foot_force)
-        if r.verdict == GOOD:
-            a, usable = r.condensed.system.acceleration, status & TORQUE_CLIPPED == 0
-            add_lacking(r.motors, r.targets.held, a, usable, v, r.torque)
-            move_targets(r.motors, a, usable, q, v)
-        else:
-            keep_targets(r, r.motors)
-        return status
-
-    return step_with_targets
-
-
-WITH_TARGETS = {"condensed": _with_targets(condensed_step), "lagged": _with_targets(lagged_step)}
-"""Ticks of the condensed controller with joint targets."""
+@kernel
+def set_condensed_law(
+    r: CondensedMotorsRecord, target: GaitTargetRecord, q: Vector, v: Vector, foot_force: Vector
+) -> None:
+    """The stage that closes a tick of the condensed controller."""
+    set_law(r, r.condensed.system.acceleration, r.status & TORQUE_CLIPPED == 0, q, v)

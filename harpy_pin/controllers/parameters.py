@@ -163,7 +163,7 @@ class WholeBodyParameters:
         estimate_friction: take a friction coefficient that is estimated while walking
             (:mod:`harpy_pin.controllers.friction`) where it is below that of the limits.
         estimate_joint_friction: take into account friction in the joints that the model lacks,
-            estimated while walking (:mod:`harpy_pin.controllers.friction`).
+            estimated while walking (:mod:`harpy_pin.controllers.joint_friction`).
         thrust_lag: time constant with which thrusts follow their commands, s: the program has them
             as they are in each tick, and legs make up for the rest
             (:mod:`harpy_pin.controllers.thrust_lag`).

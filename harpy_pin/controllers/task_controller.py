@@ -11,24 +11,43 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from harpy_pin import checks
-from harpy_pin.controllers.friction import (
-    JointFrictionEstimateRecord,
-    forget_friction,
-    friction_record,
-)
+from harpy_pin.controllers.friction import estimate_friction, forget_friction, friction_record
 from harpy_pin.controllers.gait_controller import GaitController
+from harpy_pin.controllers.joint_friction import (
+    JointFrictionEstimateRecord,
+    estimate_joint_friction,
+    note_inputs,
+)
 from harpy_pin.controllers.joint_targets import joint_targets_record
 from harpy_pin.controllers.parameters import WholeBodyParameters
-from harpy_pin.controllers.tasks import TaskSettingsRecord, TasksRecord
+from harpy_pin.controllers.tasks import TaskSettingsRecord, TasksRecord, set_tasks
+from harpy_pin.controllers.thrust_lag import advance, thrust_lag_record
+from harpy_pin.controllers.tick import Stages, TaskTickRecord, write_torque
 from harpy_pin.gaits.gait import Gait
+from harpy_pin.kernels import Kernel
 from harpy_pin.model.dynamics import Dynamics, dynamics_record
-from harpy_pin.model.record import Records, field, make_record
+from harpy_pin.model.record import Records, field, fields, make_record
 from harpy_pin.wbc.weights import WholeBodyTargets, joint_weights, targets_record
 
 FEWEST_TICKS, FEWEST_ON_TWO = 8, 20
 """Ticks of a step, on more than two feet and on two, from which on eleven robots of twelve stood in
 the compliant plant, at any period.
 """
+
+_ESTIMATES: dict[str, tuple[Any, ...]] = {
+    "joint_inertia_estimate": ("motors", "lacking", 0),
+    "joint_damping_estimate": ("motors", "lacking", 1),
+    "friction_estimate": ("friction", "estimate"),
+    "viscous_estimate": ("joint_friction", "viscous"),
+    "coulomb_estimate": ("joint_friction", "coulomb"),
+}
+"""Signals by name: part of the record, its field, and a row of it."""
+_FORGOTTEN = {
+    "motors": ("follows", "lacking", "motion", "square"),
+    "joint_friction": ("known", "inputs", "sums", "viscous", "coulomb"),
+    "lag": ("settled",),
+}
+"""What a reset sets to zero, by part of the record."""
 
 
 def tasks_record(
@@ -39,7 +58,7 @@ def tasks_record(
 ) -> Records[TasksRecord]:
     """A new :class:`TasksRecord`, or one of another ``kind`` with further parts."""
     robot, p = gait.robot, checks.instance("parameters", parameters, WholeBodyParameters)
-    lift, feet = robot.lift_axis, len(robot.feet)
+    lift = robot.lift_axis
     free = np.array([name == "arms" for name in joint_weights(robot)], dtype=bool)
     free &= robot.joint_lower < robot.joint_upper  # a file that names no limits has equal ones
     tasks = make_record(
@@ -58,6 +77,7 @@ def tasks_record(
             np.where(free, robot.joint_lower, -np.inf),
             np.where(free, robot.joint_upper, np.inf),
         ),
+        dry=robot.dry_friction if robot.dry_friction.any() else np.zeros(0),
         flat_feet=np.array(robot.flat_feet, dtype=np.int64),
         flies=np.int64(bool(robot.rotors) and not robot.feet),
         leans=np.int64(lift is not None),
@@ -69,16 +89,6 @@ def tasks_record(
         dynamics=dynamics_record(robot),
         tasks=tasks,
         targets=targets_record(robot),
-        friction=friction_record(
-            assumed=p.limits.mu, feet=feet, period=p.period, on=p.estimate_friction
-        ),
-        joint_friction=make_record(
-            JointFrictionEstimateRecord,
-            robot.sizes,
-            on=np.int64(p.estimate_joint_friction),
-            period=p.period,
-            dry=robot.dry_friction if robot.dry_friction.any() else np.zeros(0),
-        ),
         **parts,
     )
 
@@ -112,38 +122,68 @@ class TaskController(GaitController):
                 f"{message} and may fall: take a period of {period:.2g} s at most", stacklevel=4
             )
 
-    def _begin_tasks(
-        self, kind: type[TasksRecord], with_targets: type[TasksRecord], **parts: ArrayLike
-    ) -> None:
-        """Make the record of the controller, and take it up.
+    def _begin_tasks(self, kind: type[TaskTickRecord], **values: ArrayLike) -> None:
+        """Make the record of the controller, of this class with these values, and take it up.
 
-        Its class is ``kind``, or with joint targets another one; see :func:`tasks_record`.
+        Behind its own fields it has those of the stages that not every tick has.
         """
-        motors = joint_targets_record(self.robot, self.parameters, self.gait.initial_state()[0])
-        if motors is not None:
-            kind, parts = with_targets, {**parts, "motors": motors}
-        record: Any = tasks_record(self.gait, self.parameters, kind, **parts)
-        self.dynamics = Dynamics(self.robot, record=record["dynamics"])
-        self.targets = WholeBodyTargets(self.robot, record=record["targets"])
+        robot, p = self.robot, self.parameters
+        lag = thrust_lag_record(robot, p)
+        parts = {
+            "friction": friction_record(assumed=p.limits.mu, feet=len(robot.feet), period=p.period)
+            if p.estimate_friction
+            else None,
+            "joint_friction": make_record(JointFrictionEstimateRecord, robot.sizes, period=p.period)
+            if p.estimate_joint_friction
+            else None,
+            "lag": lag,
+            "motors": joint_targets_record(robot, p, self.gait.initial_state()[0]),
+        }
+        apart = np.int64(lag is not None or bool(robot.rotors))
+        own = tasks_record(self.gait, p, kind, apart=apart, **values)
+        given = {name: part for name, part in parts.items() if part is not None}
+        record: Any = make_record(None, **fields(own), **given)
+        self.dynamics = Dynamics(robot, record=record["dynamics"])
+        self.targets = WholeBodyTargets(robot, record=record["targets"])
         self._begin(record)
         self._signals["held"] = self.targets.held
-        if motors is not None:
-            for i, name in enumerate(("inertia", "damping")):
-                self._signals[f"joint_{name}_estimate"] = field(record["motors"], "lacking")[i]
-        if self.parameters.estimate_friction:
-            self._signals["friction_estimate"] = field(record["friction"], "estimate")
-        if self.parameters.estimate_joint_friction:
-            for name in ("viscous", "coulomb"):
-                self._signals[f"{name}_estimate"] = field(record["joint_friction"], name)
+        for name, (part, estimate, *row) in _ESTIMATES.items():
+            if part in given:
+                self._signals[name] = field(record[part], estimate)[*row, ...]
+
+    def _has(self, part: str) -> bool:
+        """Whether a tick has the stages of a part."""
+        return part in (self._record_.dtype.names or ())
+
+    def _before(self) -> Stages:
+        """Stages between the sample and the optimum."""
+        return (
+            *((estimate_joint_friction,) if self._has("joint_friction") else ()),
+            set_tasks,
+            *((estimate_friction,) if self._has("friction") else ()),
+        )
+
+    def _after(self) -> Stages:
+        """Stages after the optimum."""
+        return (note_inputs,) if self._has("joint_friction") else ()
+
+    def _closing(self, set_law: Kernel[None]) -> Stages:
+        """Stages that close a tick, with this one of the motors' law."""
+        return (
+            write_torque,
+            *((set_law,) if self._has("motors") else ()),
+            *((advance,) if self._has("lag") else ()),
+        )
 
     def reset(self) -> None:
         """Forget the last command, and the estimates of friction."""
         super().reset()
+        self._record_["inputs"] = 0
         if self._command.law is not None:
             self._command.law[:] = 0.0
-            for name in ("follows", "lacking", "motion", "square"):
-                self._record_["motors"][name] = 0
-        for name in ("known", "inputs", "sums", "viscous", "coulomb"):
-            self._record_["joint_friction"][name] = 0
-        friction: Any = self._record_["friction"]
-        forget_friction(friction)
+        for part, names in _FORGOTTEN.items():
+            for name in names if self._has(part) else ():
+                self._record_[part][name] = 0
+        if self._has("friction"):
+            friction: Any = self._record_["friction"]
+            forget_friction(friction)

@@ -26,13 +26,6 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from harpy_pin.controllers.friction import (
-    KNOWN_KNEE,
-    FrictionRecord,
-    JointFrictionEstimateRecord,
-    add_joint_friction,
-    update_friction,
-)
 from harpy_pin.gaits.gait import GaitTargetRecord
 from harpy_pin.ground.contact_frame import (
     all_upward,
@@ -52,6 +45,11 @@ from harpy_pin.model.tree import TreeRecord
 from harpy_pin.model.vectors import quaternion_product
 from harpy_pin.wbc.targets import TargetsRecord, note_centre_drift
 
+KNOWN_KNEE = 0.3
+"""Velocity at which the dry friction of the model's joints is mostly there, rad/s: it is in the
+bias forces as c tanh(v / ``KNOWN_KNEE``), along the motion and below c, so that it moves no joint
+on its own.
+"""
 MAX_LEAN = 0.4
 """Largest angle between the thrust that is desired and the vertical, rad."""
 BRAKE, MARGIN, NEAR, STIFFER = 150.0, 0.02, 0.7, 100.0
@@ -82,6 +80,7 @@ class TaskSettingsRecord(RecordOf):
     rest: Vector  # (joints,) posture, rad
     # (2, joints) least and largest angle of the joints on no limb; infinite for those of limbs
     ends: Vector
+    dry: Vector  # (joints,) dry friction that the model has, N·m; (0,) where it has none
     flat_feet: NDArray[np.int64]  # indices of the feet that are corners of flat ones
     flies: int  # 1 for a robot with rotors and no feet
     leans: int  # 1 where thrust has one direction in the body
@@ -94,36 +93,41 @@ class TasksRecord(RecordOf):
     dynamics: DynamicsRecord  # terms of the equations of motion at the last state
     tasks: TaskSettingsRecord  # gains and ranges
     targets: TargetsRecord  # tasks of the last state
-    friction: FrictionRecord  # the estimate of the friction
-    joint_friction: JointFrictionEstimateRecord  # friction in the joints
 
 
 @kernel
-def task_terms(
+def measured_terms(
     r: TasksRecord, g: GaitTargetRecord, q: Vector, v: Vector, foot_force: Vector
 ) -> int:
-    """Terms, task accelerations, which feet are held, and the range of their normal forces.
+    """Terms of the measured q (nq,), v (nv,), with forces on the feet (feet, 3), N.
 
-    They are those of the measured q (nq,), v (nv,) and forces on the feet (feet, 3), N. Where the
-    ground is not level, what concerns feet is left in the frames of their contacts: there z is the
-    normal. Returns what the state is, see :mod:`harpy_pin.model.entry`.
+    Returns what state and targets are, see :mod:`harpy_pin.model.entry`.
     """
-    d, p, t = r.dynamics, r.tasks, r.targets
-    if foot_force.shape != t.feet.shape:
+    d = r.dynamics
+    if foot_force.shape != r.targets.feet.shape:
         return MISFIT
     verdict = update_terms(d, q, v)
     if verdict != GOOD:
         return verdict
     if not all_possible_rows(foot_force):
         return BAD
-    known = 6 + r.joint_friction.dry.shape[0]
-    d.bias[6:known] += r.joint_friction.dry * np.tanh(v[6:known] / KNOWN_KNEE)
-    if r.joint_friction.on:
-        add_joint_friction(r.joint_friction, d, v, foot_force)
+    known = 6 + r.tasks.dry.shape[0]
+    d.bias[6:known] += r.tasks.dry * np.tanh(v[6:known] / KNOWN_KNEE)
     if not (all_possible(g.body) and all_possible(g.heading)):
         return BAD if all_finite(g.body) and all_finite(g.heading) else MISFIT
-    if not possible_feet(g):
-        return BAD
+    return GOOD if possible_feet(g) else BAD
+
+
+@kernel
+def set_tasks(
+    r: TasksRecord, g: GaitTargetRecord, q: Vector, v: Vector, foot_force: Vector
+) -> None:
+    """Task accelerations, which feet are held, and the range of their normal forces.
+
+    Where the ground is not level, what concerns feet is left in the frames of their contacts: there
+    z is the normal.
+    """
+    d, p, t = r.dynamics, r.tasks, r.targets
     t.centred = 1 if g.centre_of_mass[0] != 0.0 else 0
     if t.centred:
         note_centre_drift(d, t)
@@ -154,13 +158,6 @@ def task_terms(
     t.tilted = 0
     if not level:
         turn_into_contacts(r, g, foot_force)
-    if r.friction.on:
-        if level:
-            update_friction(r.friction, foot_force, d.foot_velocity, t.held)
-        else:
-            update_friction(r.friction, t.measured, d.foot_velocity, t.held)
-        t.friction[:] = r.friction.estimate
-    return GOOD
 
 
 @kernel

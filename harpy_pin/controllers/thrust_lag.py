@@ -29,19 +29,16 @@ import math
 
 import numpy as np
 
-from harpy_pin.controllers.condensed_tick import CondensedTickRecord, finish_optimum
+from harpy_pin.controllers.condensed_tick import CondensedTickRecord
 from harpy_pin.controllers.parameters import WholeBodyParameters
-from harpy_pin.controllers.tasks import task_terms
-from harpy_pin.controllers.tick import BAD_SAMPLE, write_inputs
+from harpy_pin.controllers.tick import TaskTickRecord
 from harpy_pin.gaits.gait import GaitTargetRecord
 from harpy_pin.kernels import kernel
 from harpy_pin.model.dynamics import DynamicsRecord
-from harpy_pin.model.entry import GOOD
 from harpy_pin.model.record import ZERO, RecordOf, Records, make_record, sized
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
 from harpy_pin.simulation.thrusters import turn
-from harpy_pin.wbc.condensed.solve import solve_condensed
 from harpy_pin.wbc.weights import thrust_box
 
 SMALL = 1e-9
@@ -197,49 +194,66 @@ def _lead_direction(
 
 
 @kernel
-def bound_thrusts(r: ThrustLagRecord, fixed: bool, lower: Vector, upper: Vector) -> None:
-    """Bounds of a program: those of free thrusts, or, where these are ``fixed``, the thrusts of
-    this tick.
-    """
+def free_thrusts(r: ThrustLagRecord, d: DynamicsRecord, lower: Vector, upper: Vector) -> None:
+    """Before the first program, with these bounds of its thrusts, N: they are free."""
+    keep_thrusts(r, d.tree.rotation)
     thrusts = r.present.shape[0]
-    lower[:thrusts] = (r.present if fixed else r.least) - r.kept
-    upper[:thrusts] = (r.present if fixed else r.largest) - r.kept
+    lower[:thrusts], upper[:thrusts] = r.least - r.kept, r.largest - r.kept
+    count_from_kept(r, d, 1.0)
 
 
 @kernel
-def add_kept(r: ThrustLagRecord, variables: Vector) -> None:
-    """Make thrusts, N, of a program's variables."""
+def fix_thrusts(r: ThrustLagRecord, lower: Vector, upper: Vector) -> None:
+    """Before the second program: its thrusts are those of this tick."""
+    thrusts = r.present.shape[0]
+    lower[:thrusts] = upper[:thrusts] = r.present - r.kept
+
+
+@kernel
+def release_thrusts(r: ThrustLagRecord, d: DynamicsRecord, variables: Vector) -> None:
+    """After it: make thrusts, N, of its variables."""
     variables[: r.kept.shape[0]] += r.kept
+    count_from_kept(r, d, -1.0)
 
 
-class LaggedTickRecord(CondensedTickRecord):
-    """The condensed whole-body controller of a robot whose thrusts lag."""
+class LaggedTickRecord(TaskTickRecord):
+    """A whole-body controller of a robot whose thrusts lag."""
 
     lag: ThrustLagRecord  # what is known of them
 
 
-@kernel(v="r.dynamics.bias", foot_force="r.targets.feet")
-def lagged_step(
+class LaggedCondensedRecord(LaggedTickRecord, CondensedTickRecord):
+    """The condensed one."""
+
+
+@kernel
+def advance(
     r: LaggedTickRecord, target: GaitTargetRecord, q: Vector, v: Vector, foot_force: Vector
-) -> int:
-    """The tick with thrusts that lag: the optimum twice, for the command, and for the thrusts that
-    there are.
-    """
-    d, p, lag = r.dynamics, r.condensed, r.lag
-    advance_thrusts(lag)
-    r.verdict = task_terms(r, target, q, v, foot_force)
-    if r.verdict == GOOD:
-        p.configuration[:] = q
-        keep_thrusts(lag, d.tree.rotation)
-        bound_thrusts(lag, False, p.input_lower, p.input_upper)
-        count_from_kept(lag, d, 1.0)
-        solve_condensed(d, r.targets, p, v)
-        command_thrusts(lag, d, p.inputs, r.thrust)
-        bound_thrusts(lag, True, p.input_lower, p.input_upper)
-        p.inputs[:] = p.last_inputs
-        solve_condensed(d, r.targets, p, v)
-        add_kept(lag, p.inputs)
-        count_from_kept(lag, d, -1.0)
-        finish_optimum(r)
-    write_inputs(r, p.inputs, True)
-    return p.status_and_steps[0] if r.verdict == GOOD else BAD_SAMPLE
+) -> None:
+    """The stage that closes a tick: thrusts at the beginning of the next."""
+    advance_thrusts(r.lag)
+
+
+@kernel
+def free(
+    r: LaggedCondensedRecord, target: GaitTargetRecord, q: Vector, v: Vector, foot_force: Vector
+) -> None:
+    """The stage before the condensed controller's first optimum."""
+    free_thrusts(r.lag, r.dynamics, r.condensed.input_lower, r.condensed.input_upper)
+
+
+@kernel
+def fix(
+    r: LaggedCondensedRecord, target: GaitTargetRecord, q: Vector, v: Vector, foot_force: Vector
+) -> None:
+    """The stage between both: the command."""
+    command_thrusts(r.lag, r.dynamics, r.condensed.inputs, r.thrust)
+    fix_thrusts(r.lag, r.condensed.input_lower, r.condensed.input_upper)
+
+
+@kernel
+def release(
+    r: LaggedCondensedRecord, target: GaitTargetRecord, q: Vector, v: Vector, foot_force: Vector
+) -> None:
+    """The stage after the second one."""
+    release_thrusts(r.lag, r.dynamics, r.condensed.inputs)

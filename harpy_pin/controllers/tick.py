@@ -1,17 +1,25 @@
-"""What the ticks of all controllers have in common: the command, and the answer to bad samples.
+"""The tick of a controller: a list of stages.
 
-The kernel of a tick takes an element of the controller's record, the gait's targets and what was
-measured, writes the command into the record, and returns a status. A sample or targets that are not
-finite are answered by the last command, which fades after ``HOLD_TICKS`` ticks. All arrays are as
-in :class:`harpy_pin.model.state.State`.
+A stage is a kernel. It takes an element of the controller's record, the gait's targets and what was
+measured, and writes into the record. What not every tick has (an estimate, thrusts that lag, a law
+of the motors) is a further part of the record, and stages that work on it. One kernel calls all
+stages one after the other (:func:`tick_of`).
+
+A sample or targets that are not finite are answered by the last command, which fades after
+``HOLD_TICKS`` ticks. All arrays are as in :class:`harpy_pin.model.state.State`.
 """
 
 from __future__ import annotations
 
-from harpy_pin.kernels import kernel
+from functools import cache
+
+from harpy_pin.controllers.tasks import TasksRecord, measured_terms
+from harpy_pin.gaits.gait import GaitTargetRecord
+from harpy_pin.kernels import Kernel, kernel
 from harpy_pin.model.entry import FADE, GOOD, HOLD_TICKS
 from harpy_pin.model.record import ZERO, RecordOf, sized
 from harpy_pin.model.state import Vector
+from harpy_pin.model.terms import write_thrusts
 
 BAD_SAMPLE = 16
 """Status: the state or the targets are not finite, or the gait turns and the controller cannot."""
@@ -44,16 +52,65 @@ def fading(r: TickRecord) -> float:
     return FADE if r.bad_in_a_row > HOLD_TICKS else 1.0
 
 
-@kernel
-def write_inputs(r: TickRecord, inputs: Vector, apart: bool) -> None:
-    """The torques of inputs [u; τ]; after a bad sample the last command, which fades.
+class TaskTickRecord(TasksRecord, TickRecord):
+    """A whole-body controller."""
 
-    ``apart`` says whether the thrusts of the command, those of this tick, are other numbers than
-    those of the inputs.
-    """
-    first = inputs.shape[0] - r.torque.shape[0]
+    # (thrust variables + joints,) [u; τ] of the last tick, N and N·m
+    inputs: Vector = sized("thrusts + joints")
+    status: int = ZERO  # of the last tick
+    apart: int  # 1 where thrusts of the command are other numbers than those of the inputs
+
+
+@kernel
+def take_sample(
+    r: TaskTickRecord, g: GaitTargetRecord, q: Vector, v: Vector, foot_force: Vector
+) -> None:
+    """The first stage of a tick: the sample and the targets are checked, once."""
+    r.verdict = measured_terms(r, g, q, v, foot_force)
+    r.status = 0 if r.verdict == GOOD else BAD_SAMPLE
+
+
+@kernel
+def write_thrust(
+    r: TaskTickRecord, g: GaitTargetRecord, q: Vector, v: Vector, foot_force: Vector
+) -> None:
+    """The thrusts of the inputs, where these are those of the command."""
+    write_thrusts(r.dynamics, r.inputs, r.thrust)
+
+
+@kernel
+def write_torque(
+    r: TaskTickRecord, g: GaitTargetRecord, q: Vector, v: Vector, foot_force: Vector
+) -> None:
+    """The torques of the inputs; after a bad sample the last command, which fades."""
+    first = r.inputs.shape[0] - r.torque.shape[0]
     factor = fading(r)
     if r.verdict != GOOD:
-        inputs[first if apart else 0 :] *= factor
+        r.inputs[first if r.apart else 0 :] *= factor
         r.thrust *= factor
-    r.torque[:] = inputs[first:]
+    r.torque[:] = r.inputs[first:]
+
+
+Stages = tuple[Kernel[None], ...]
+
+
+@cache
+def tick_of(opening: Stages, stages: Stages, closing: Stages) -> Kernel[int]:
+    """One kernel that goes through the stages that open every tick, those of a tick whose sample is
+    good, and those that close every tick; it returns the status.
+    """
+
+    @kernel(v="r.dynamics.bias", foot_force="r.targets.feet")
+    def tick(
+        r: TaskTickRecord, target: GaitTargetRecord, q: Vector, v: Vector, foot_force: Vector
+    ) -> int:
+        for stage in opening:
+            stage(r, target, q, v, foot_force)
+        for stage in stages:
+            if r.verdict == GOOD:
+                stage(r, target, q, v, foot_force)
+        for stage in closing:
+            stage(r, target, q, v, foot_force)
+        return r.status
+
+    return tick

@@ -13,31 +13,29 @@ from numpy.typing import ArrayLike
 
 from harpy_pin import checks
 from harpy_pin.arguments import checked
-from harpy_pin.controllers.joint_targets import keep_targets
 from harpy_pin.controllers.parameters import WholeBodyParameters
 from harpy_pin.controllers.task_controller import TaskController
 from harpy_pin.controllers.thrust_lag import (
-    ThrustLagRecord,
-    add_kept,
-    advance_thrusts,
-    bound_thrusts,
     command_thrusts,
-    count_from_kept,
-    keep_thrusts,
-    thrust_lag_record,
+    fix_thrusts,
+    free_thrusts,
+    release_thrusts,
 )
-from harpy_pin.controllers.tick import BAD_SAMPLE
+from harpy_pin.controllers.tick import BAD_SAMPLE, take_sample, tick_of
 from harpy_pin.controllers.whole_body_tick import (
-    QP_TICKS,
-    WholeBodyTargetsRecord,
+    GAVE_WAY,
+    PROGRAMS,
     WholeBodyTickRecord,
-    begin_tick,
+    open_program,
+    program_tick,
+    set_program_law,
+    write_solved_thrust,
 )
 from harpy_pin.errors import InputError, shown
 from harpy_pin.gaits.gait import Gait
 from harpy_pin.ground.contact_frame import turn_feet
-from harpy_pin.kernels.calls import Chain
-from harpy_pin.model.entry import GOOD, as_state
+from harpy_pin.kernels import Kernel
+from harpy_pin.model.entry import as_state
 from harpy_pin.model.record import Records, field
 from harpy_pin.model.state import Command, State
 from harpy_pin.wbc import (
@@ -91,7 +89,14 @@ class WholeBodyController(TaskController):
             None without any.
     """
 
-    _made_anew = (*TaskController._made_anew, "_kernels_of_tick", "_parts_of_program", "_opening")
+    _made_anew = (
+        *TaskController._made_anew,
+        *("_opening", "_kernels", "_close", "_program_parts", "_program_stages"),
+    )
+    _program_parts: tuple[Records[Any], ...]  # records of the problem and its program
+    _opening: Kernel[int]  # of a tick, up to its tasks
+    _close: Kernel[int]  # of a tick, from the inputs on
+    _program_stages: tuple[Callable[[State], None], ...] = ()  # of a tick between them, in Python
     _fell_back = False  # whether the dual method followed the solver in this tick
 
     @checked
@@ -107,24 +112,24 @@ class WholeBodyController(TaskController):
         self.problem: WholeBodyProblem = make_problem(
             p.formulation, self.robot, p.weights, p.limits
         )
-        self._lag = thrust_lag_record(self.robot, p)
         self.added: AddedTasks | None = None
         self._make_solver = solver if solver is not None else partial(make_solver, p.solver)
         size = self.problem.program.shape[0]
+        follows = p.joint_stiffness > 0.0 or p.joint_damping > 0.0
         self._begin_tasks(
             WholeBodyTickRecord,
-            WholeBodyTargetsRecord,
             **{name: np.zeros(size) for name in ("z", "found", "kept")},
+            acceleration=np.zeros(self.robot.model.nv if follows else 0),
             posture=self.gait.initial_state()[0][7:],
             torque_limit=self.robot.torque_limit,
+            gives_way=np.int64(True),
             hold_ticks=np.int64(p.hold_ticks),
             held_for=np.int64(p.hold_ticks),
-            lagging=np.int64(self._lag is not None),
         )
         record = self._record_
-        if self._command.law is not None:
-            self._intended = field(record["motors"], "acceleration")
-        self._inputs, self._outcome = field(record, "inputs"), field(record, "outcome")
+        if follows:
+            self._intended = field(record, "acceleration")
+        self._solved, self._outcome = field(record, "solved"), field(record, "outcome")
         self._iterations = field(record, "iterations")
         self._violation, self._failures = field(record, "violation"), field(record, "failures")
         self._fallbacks = field(record, "fallbacks")
@@ -150,53 +155,48 @@ class WholeBodyController(TaskController):
         self._other_active = np.zeros(len(program.lower), np.int64)
         self._second = None if isinstance(made, WarmStartedActiveSet) else DualActiveSet(program)
         self._make_anew()
-        example, kernels, parts = (
-            State(0.0, *self._sample),
-            self._kernels_of_tick,
-            self._parts_of_program,
-        )
-        first = (self._record_, self.target._record_, *self._measured(example))
-        if self._lag is None:
-            self._step.prepare(*first, *self._parts)
-        else:
-            begin_tick.prepare(*first)
-            self.problem.prepare(self.dynamics, self.targets)
+        record, sample = self._record_, self._measured(State(0.0, *self._sample))
+        self._step.prepare(record, self.target._record_, *sample, *self._parts)
         if not self._in_python:
             return
         for solver in (made, self._second):
             if isinstance(solver, QPSolver):
                 solver.prepare(program)
-        for one in (kernels.relax, kernels.give_way):
-            one.prepare(self._record_, *parts, False)
-        kernels.settle.prepare(self._record_, *parts[1:], False)
-        kernels.finish.prepare(self._record_, *parts, False, example.q, example.v)
-        if self._command.law is not None:
-            kernels.targets.prepare(self._record_, parts[1], False, example.q, example.v)
-            keep_targets.prepare(self._record_, self._record_["motors"])
+        parts = self._program_parts
+        if self._has("lag"):
+            self._kernels.build.prepare(record, *parts, sample[1])
+        self._kernels.go_on.prepare(record, *parts)
+        self._kernels.finish.prepare(record, *parts, *sample[:2])
+        self._close.prepare(record, self.target._record_, *sample)
 
     def _make_anew(self) -> None:
         """See :meth:`GaitController._make_anew`: one kernel where nothing of the program is
         Python's.
         """
         super()._make_anew()
-        self._opening: Chain | None = None  # gait, terms and program in one crossing from Python
-        self._kernels_of_tick = ticks = QP_TICKS[self.parameters.formulation]
-        solver, problem = getattr(self, "_solver", None), self.problem
-        self._parts = self._parts_of_program = (
-            problem._record_,
-            problem._terms_,
-            problem.program._record_,
-        )
-        # Rows of added tasks come from Python, and with a lag of thrusts a tick is two solves.
-        self._in_python = (
-            type(solver) is not WarmStartedActiveSet
-            or self.added is not None
-            or self._lag is not None
-        )
-        self._step = ticks.open
-        if type(solver) is WarmStartedActiveSet and not self._in_python:
-            self._step = ticks.step if self._command.law is None else ticks.step_with_targets
-            self._parts = (*self._parts_of_program, solver._record_, solver.dual._record_)
+        solver: Any = getattr(self, "_solver", None)
+        if solver is None:
+            return
+        formulation, lag = self.parameters.formulation, self._has("lag")
+        self._kernels, problem = PROGRAMS[formulation], self.problem
+        self._program_parts = problem._record_, problem._terms_, problem.program._record_
+        self._opening = tick_of((take_sample,), self._before(), ())
+        after = self._after() if lag else (*self._after(), write_solved_thrust)
+        self._close = tick_of((), after, self._closing(set_program_law))
+        # Rows of added tasks come from Python, and with a lag of thrusts a tick is two programs.
+        own = type(solver) is WarmStartedActiveSet and self.added is None and not lag
+        self._in_python = not own
+        if own:
+            self._step = program_tick(formulation, self._opening, self._close)
+            self._parts = (*self._program_parts, solver._record_, solver.dual._record_)
+        elif lag:
+            self._step, self._parts = self._opening, ()
+            once = self._build, self._solve_all
+            self._program_stages = (self._free, *once, self._fix, *once, self._release)
+        else:
+            self._step = open_program(formulation, self._opening)
+            self._parts = self._program_parts
+            self._program_stages = (self._add_rows, self._solve_all)
 
     @property
     def solution(self) -> QPSolution:
@@ -264,90 +264,41 @@ class WholeBodyController(TaskController):
         super().reset()
         self._solver.reset()
         self._other_active[:] = 0
-        self._record_["inputs"] = self._record_["failures"] = self._record_["fallbacks"] = 0
+        self._record_["failures"] = self._record_["fallbacks"] = 0
         self._record_["held_for"] = self.parameters.hold_ticks  # there is no command to hold
-        if self._lag is not None:
-            self._lag["settled"] = 0
 
-    def _join(self) -> None:
-        super()._join()
-        if self._in_python and self._lag is None:
-            self._opening = self._joined()
+    def _go_on(self, status: int, state: State) -> int:
+        """The program, in whose solution Python takes part, then the command."""
+        if status != BAD_SAMPLE:
+            for stage in self._program_stages:
+                stage(state)
+            self._finish(state)
+        return self._close(self._record_, self.target._record_, *self._measured(state))
 
-    def _tick(self, state: State) -> Command:
-        """See :meth:`GaitController._tick`."""
-        opened = None if self._opening is None else self._opening(state)
-        if opened is None:
-            return super()._tick(state)
-        if self._go_on(opened, state) == BAD_SAMPLE:
-            self._refuse_misfit(state)
-        return self._command
-
-    def _answer_in_python(self, target: Records[Any], state: State) -> int:
-        """The phases one after the other, where something of the program is Python's, or thrusts
-        lag.
-        """
-        if self._lag is not None:
-            return self._answer_with_lag(self._lag, target, state)
-        return self._go_on(
-            self._step(self._record_, target, *self._measured(state), *self._parts), state
-        )
-
-    def _go_on(self, opened: int, state: State) -> int:
-        """The rest of a tick, from the status on with which its kernel has built the program."""
-        if opened == BAD_SAMPLE:
-            return self._keep_targets()
-        if self.added is not None:
-            self._add_rows(state)
-        self._finish(state, self._solve(gives_way=True))
-        return 0
-
-    def _answer_with_lag(
-        self, lag: Records[ThrustLagRecord], target: Records[Any], state: State
-    ) -> int:
-        """A tick of thrusts that lag: the program that chooses their commands, then that of this
-        tick's thrusts.
-        """
-        advance_thrusts(lag)
-        if begin_tick(self._record_, target, *self._measured(state)) != GOOD:
-            return self._keep_targets()
-        gives_way = self._choose_thrusts(lag, state)
-        self.build(state)
-        self._finish(state, self._solve(gives_way=gives_way))
-        count_from_kept(lag, self.dynamics._record_, -1.0)
-        return 0
-
-    def _keep_targets(self) -> int:
-        """The answer to a bad sample."""
-        if self._command.law is not None:
-            keep_targets(self._record_, self._record_["motors"])
-        return BAD_SAMPLE
-
-    def _choose_thrusts(self, lag: Records[ThrustLagRecord], state: State) -> bool:
-        """Command the thrusts of the program without lag, and fix those of this tick in the
-        program.
-
-        Returns:
-            Whether torques are beyond their limits in its solution without limits, which both
-            programs share.
-        """
-        lower, upper, last = *self.problem.thrust_bounds, self._inputs.copy()
-        keep_thrusts(lag, self.dynamics.rotation)
-        count_from_kept(lag, self.dynamics._record_, 1.0)
+    def _free(self, _: State) -> None:
+        """Before the first of two programs: thrusts that lag are free."""
+        free_thrusts(self._record_["lag"], self.dynamics._record_, *self.problem.thrust_bounds)
+        self._record_["gives_way"] = 1
         self._swap_active()
-        bound_thrusts(lag, False, lower, upper)
-        self.build(state)
-        if self._solve(gives_way=True):
-            command_thrusts(lag, self.dynamics._record_, self._inputs, self._command._thrust_)
-        self._inputs[:] = last
-        bound_thrusts(lag, True, lower, upper)
+
+    def _fix(self, _: State) -> None:
+        """Between both: command the thrusts of the first solution, and fix those of this tick.
+
+        Both share the solution without limits, so that tasks give way in both or in none.
+        """
+        lag, record = self._record_["lag"], self._record_
+        if self.solution.usable:
+            command_thrusts(lag, self.dynamics._record_, self._solved, self._command._thrust_)
+        fix_thrusts(lag, *self.problem.thrust_bounds)
+        record["gives_way"] = record["program"] == GAVE_WAY
         self._swap_active()
-        return self._gave_way
+
+    def _release(self, _: State) -> None:
+        """After the second one."""
+        release_thrusts(self._record_["lag"], self.dynamics._record_, self._solved)
 
     def _swap_active(self) -> None:
-        """Take up the other one of the two programs of a tick in which thrusts lag, and its active
-        set.
-        """
+        """Take up the active set of the other one of both."""
         if isinstance(self._solver, WarmStartedActiveSet):
             self._solver._swap_active(self._other_active)
 
@@ -361,7 +312,10 @@ class WholeBodyController(TaskController):
             InputError: it is no state of the robot, or a bad sample.
         """
         state = as_state(state, self.robot)
-        if begin_tick(self._record_, self._plan(state)._record_, *self._measured(state)) != GOOD:
+        sample = self._plan(state)
+        status = self._opening(self._record_, self.target._record_, *sample)
+        if status == BAD_SAMPLE:
+            self._close(self._record_, self.target._record_, *sample)
             self._refuse_misfit(state)
             raise InputError(
                 "the state is a bad sample, which step() answers without a program", name="state"
@@ -373,16 +327,19 @@ class WholeBodyController(TaskController):
         Args:
             state: as given to :meth:`prepare`.
         """
-        state = as_state(state, self.robot)
-        self.problem._fill(self.dynamics, state.v, self.dynamics._rotation_, self.targets)
-        if self.added is not None:
-            self._add_rows(state)
+        self._build(as_state(state, self.robot))
         return self.problem
+
+    def _build(self, state: State) -> None:
+        """As :meth:`build`, of a state that was checked."""
+        self._kernels.build(self._record_, *self._program_parts, state.v)
+        self._add_rows(state)
 
     def _add_rows(self, state: State) -> None:
         """The rows of added tasks, which are in world axes, in the program."""
         added, targets = self.added, self.targets
-        assert added is not None
+        if added is None:
+            return
         if not targets.tilted:
             added.build(self.dynamics, state, targets._held_)
             return
@@ -392,30 +349,19 @@ class WholeBodyController(TaskController):
 
     def solve(self) -> QPSolution:
         """Solve the problem from the last tick's solution."""
-        self._solve(gives_way=True)
+        self._solve_all(None)
         return self.solution
 
-    def _solve(self, *, gives_way: bool) -> bool:
-        """The solutions of a tick as its kernel has them, by a solver that may be Python's; whether
-        there is one.
-        """
-        kernels, record, parts = self._kernels_of_tick, self._record_, self._parts_of_program
-        usable = self._solve_once(further=False)
-        self._gave_way = False
-        if gives_way and kernels.relax(record, *parts, usable):
-            self._copy_added()
-            self._gave_way = kernels.give_way(record, *parts, self._solve_once(further=True))
-            self._copy_added()
-            usable = kernels.settle(
-                record, *parts[1:], self._gave_way and self._solve_once(further=True)
-            )
-        elif usable and not gives_way:
-            self.problem.kernels.inputs(*parts[1:], self._solution._z_, self._inputs)
-        return usable
+    def _solve_all(self, _: State | None) -> None:
+        """The programs of a tick, by a solver that may be Python's."""
+        self._solve_once(further=False)
+        while self._kernels.go_on(self._record_, *self._program_parts):
+            if self.added is not None:
+                self.added.copy()
+            self._solve_once(further=True)
 
-    def _solve_once(self, *, further: bool) -> bool:
-        """Solve the program as it is, where its solver does not finish by the dual method; whether
-        that was possible.
+    def _solve_once(self, *, further: bool) -> None:
+        """Solve the program as it is, where its solver does not finish by the dual method.
 
         It is a ``further`` one where it is not the first of the tick.
         """
@@ -431,12 +377,6 @@ class WholeBodyController(TaskController):
         self._solution._z_[:] = solution._z_
         self._outcome[...], self._iterations[...] = solution.status, solution.iterations
         self._violation[...] = solution.violation
-        return solution.usable
-
-    def _copy_added(self) -> None:
-        """Bring a change of the problem's program into that with added tasks."""
-        if self.added is not None:
-            self.added.copy()
 
     def finish(self, state: State) -> Command:
         """Torques and thrusts of the solution, or the fallback.
@@ -444,20 +384,16 @@ class WholeBodyController(TaskController):
         Args:
             state: as given to :meth:`prepare`.
         """
-        self._finish(as_state(state, self.robot), self.solution.usable)
+        state = as_state(state, self.robot)
+        self._finish(state)
+        self._close(self._record_, self.target._record_, *self._measured(state))
         return self._command
 
-    def _finish(self, state: State, usable: bool) -> None:
-        """As :meth:`finish`, of a state that was checked."""
+    def _finish(self, state: State) -> None:
+        """Inputs, forces and status of the solution."""
         if self._fell_back:
             self._fallbacks += 1
             self._fell_back = False
-        if usable:
-            if self._lag is not None:
-                add_kept(self._lag, self._inputs)
-            if self.added is not None:
-                self.added.read(self._solution._z_)
-        kernels, parts = self._kernels_of_tick, self._parts_of_program
-        kernels.finish(self._record_, *parts, usable, state.q, state.v)
-        if self._command.law is not None:
-            kernels.targets(self._record_, parts[1], usable, state.q, state.v)
+        if self.added is not None and self.solution.usable:
+            self.added.read(self._solution._z_)
+        self._kernels.finish(self._record_, *self._program_parts, state.q, state.v)

@@ -1,31 +1,26 @@
-"""The tick of the whole-body QP, in every formulation: phases, and one kernel that is made of them.
+"""The tick of the whole-body QP, in every formulation.
 
-The kernel has this library's own search (:mod:`harpy_pin.wbc.active_set_warm_start`). With another
-solver Python calls the phases, and that solver between them. A tick solves up to three programs:
-with limits of thrusts and torques; where one of them is reached, without them; and again with them,
-after tasks gave way (:mod:`harpy_pin.wbc.giving_way`).
+A tick solves up to three programs: with limits of thrusts and torques; where one of them is
+reached, without them; and again with them, after tasks gave way (:mod:`harpy_pin.wbc.giving_way`).
+``go_on`` says after each solution whether another program follows. One kernel is a tick with this
+library's own search (:mod:`harpy_pin.wbc.active_set_warm_start`); with another solver Python calls
+its parts, and that solver between them.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 
-from harpy_pin.controllers.friction import note_inputs
-from harpy_pin.controllers.joint_targets import (
-    JointTargetsRecord,
-    add_lacking,
-    keep_targets,
-    move_targets,
-)
-from harpy_pin.controllers.tasks import TasksRecord, forces_in_world, task_terms
-from harpy_pin.controllers.tick import BAD_SAMPLE, FALLBACK, TickRecord, write_inputs
+from harpy_pin.controllers.joint_targets import MotorsTickRecord, set_law
+from harpy_pin.controllers.tasks import forces_in_world
+from harpy_pin.controllers.tick import BAD_SAMPLE, FALLBACK, TaskTickRecord
 from harpy_pin.gaits.gait import GaitTargetRecord
 from harpy_pin.kernels import Kernel, kernel
 from harpy_pin.model.contact_map import ContactMapRecord
-from harpy_pin.model.entry import GOOD
-from harpy_pin.model.record import ZERO, RecordOf, sized
+from harpy_pin.model.record import ZERO, sized
 from harpy_pin.model.state import Vector
 from harpy_pin.model.terms import write_thrusts
 from harpy_pin.wbc.active_set import ActiveSetRecord, DualRecord, ProgramRecord
@@ -34,27 +29,27 @@ from harpy_pin.wbc.formulations import FORMULATIONS
 from harpy_pin.wbc.giving_way import at_a_limit, outside
 from harpy_pin.wbc.problem import FormulationRecord
 
-OPEN = 32
-"""Status of a tick whose program is built, and not solved yet."""
 STIFFNESS, DAMPING = 50.0, 1.0
 """Stiffness and damping of the joints where the program has no solution for long, N·m/rad and
 N·m·s/rad.
 """
+LIMITED, FREE, GAVE_WAY = range(3)
+"""Programs of a tick: with limits, without them, and with them after tasks gave way."""
 
 
-class WholeBodyTickRecord(TasksRecord, TickRecord):
+class WholeBodyTickRecord(TaskTickRecord):
     """The whole-body QP."""
 
-    inputs: Vector = sized(
-        "thrusts + joints"
-    )  # (thrust variables + joints,) [u; τ] of the command, N and N·m
-    unlimited: Vector = sized(
-        "thrusts + joints"
-    )  # (thrust variables + joints,) [u; τ] without limits, N and N·m
+    # (thrust variables + joints,) [u; τ] of a solution, and of one without limits, N and N·m
+    solved: Vector = sized("thrusts + joints")
+    unlimited: Vector = sized("thrusts + joints")
     force: Vector = sized("3 feet")  # contact forces of the solution, world axes, N
+    acceleration: Vector  # (nv,) that it brings about; (0,) where nobody follows that
     z: Vector  # (size,) solution
     found: Vector  # (size,) work space for that of the dual method
     kept: Vector  # (size,) a solution with limits, while one without is looked for
+    program: int = ZERO  # which one was solved last
+    gives_way: int  # whether tasks may give way
     outcome: int = ZERO  # of the program, a :class:`~harpy_pin.wbc.QPStatus`
     iterations: int = ZERO  # of the solver
     violation: float = 0.0  # of the solution
@@ -66,105 +61,148 @@ class WholeBodyTickRecord(TasksRecord, TickRecord):
     hold_ticks: int  # ticks in a row for which the last inputs are held in the place of failed ones
     held_for: int = ZERO  # ticks in a row in which there was no solution
     failures: int = ZERO  # ticks in which there was none, since the last reset
-    fallbacks: int = (
-        ZERO  # ticks in which the dual method followed the solver, since the last reset
-    )
-    lagging: int = ZERO  # 1 where thrusts lag, so that the command's are not those of the inputs
+    # ticks in which the dual method followed the solver, since the last reset
+    fallbacks: int = ZERO
 
 
-class WholeBodyTargetsRecord(WholeBodyTickRecord):
+class ProgramMotorsRecord(MotorsTickRecord, WholeBodyTickRecord):
     """The whole-body QP, with joint targets."""
 
-    motors: JointTargetsRecord  # of them
-
-
-class ProgramTickRecord(RecordOf):
-    """The whole-body QP with its program and solver, in one record."""
-
-    control: WholeBodyTickRecord  # tasks, solution and command
-    problem: FormulationRecord  # what the formulation knows
-    terms: ContactMapRecord  # what the formulation keeps of the last state
-    program: ProgramRecord  # the quadratic program
-    search: ActiveSetRecord  # the last active set and its exchange
-    dual: DualRecord  # the dual method, which starts without active constraints
-
-
-@kernel(v="r.dynamics.bias", foot_force="r.targets.feet")
-def begin_tick(
-    r: WholeBodyTickRecord, target: GaitTargetRecord, q: Vector, v: Vector, foot_force: Vector
-) -> int:
-    """Terms and tasks; after a bad sample the last command stays, and fades. Returns what the
-    sample is.
-    """
-    r.verdict = task_terms(r, target, q, v, foot_force)
-    if r.verdict != GOOD:
-        write_inputs(r, r.inputs, r.lagging != 0 or r.dynamics.rotor_axis.shape[0] > 0)
-    return r.verdict
-
 
 @kernel
-def _write_command(r: WholeBodyTickRecord, usable: bool, q: Vector, v: Vector) -> None:
-    """The command of the inputs; without a solution the last one for a while, then a soft spring
-    without thrust.
-    """
-    first = r.inputs.shape[0] - r.posture.shape[0]
-    if usable:
-        r.held_for = 0
-        if r.lagging == 0:
-            write_thrusts(r.dynamics, r.inputs, r.thrust)
-    else:
-        r.failures += 1
-        r.held_for += 1
-        if r.held_for > r.hold_ticks:
-            r.inputs[:first] = 0.0
-            spring = STIFFNESS * (r.posture - q[7:]) - DAMPING * v[6:]
-            r.inputs[first:] = np.clip(spring, -r.torque_limit, r.torque_limit)
-            r.thrust[:] = 0.0
-    note_inputs(r.joint_friction, r.inputs)
-    write_inputs(r, r.inputs, True)
-
-
-@kernel
-def _solve_once(
+def solve_once(
     r: WholeBodyTickRecord, qp: ProgramRecord, search: ActiveSetRecord, dual: DualRecord
-) -> bool:
-    """Solve one program of the tick, and say how; returns whether there is a solution."""
+) -> None:
+    """Solve one program of the tick by this library's own search, and say how."""
+    if r.program == FREE and r.kept_outcome <= INACCURATE and search.left == search.budget:
+        r.kept_iterations = 1  # the exchange alone has led to a limit
     r.outcome = solve_further(qp, search, dual, r.z, r.found)
     r.iterations, r.violation = search.iterations, search.violation
-    return r.outcome <= INACCURATE
+
+
+@kernel
+def hold(r: WholeBodyTickRecord, q: Vector, v: Vector) -> None:
+    """Without a solution the last command for a while, then a soft spring without thrust."""
+    first = r.inputs.shape[0] - r.posture.shape[0]
+    r.failures += 1
+    r.held_for += 1
+    if r.held_for > r.hold_ticks:
+        r.inputs[:first] = 0.0
+        spring = STIFFNESS * (r.posture - q[7:]) - DAMPING * v[6:]
+        r.inputs[first:] = np.clip(spring, -r.torque_limit, r.torque_limit)
+        r.thrust[:] = 0.0
+
+
+@kernel
+def write_solved_thrust(
+    r: WholeBodyTickRecord, target: GaitTargetRecord, q: Vector, v: Vector, foot_force: Vector
+) -> None:
+    """The stage after a solution that is usable: its thrusts are those of the command."""
+    if r.status == 0:
+        write_thrusts(r.dynamics, r.inputs, r.thrust)
+
+
+@kernel
+def set_program_law(
+    r: ProgramMotorsRecord, target: GaitTargetRecord, q: Vector, v: Vector, foot_force: Vector
+) -> None:
+    """The stage that closes a tick where motors have a law."""
+    set_law(r, r.acceleration, r.status == 0, q, v)
 
 
 @dataclass(frozen=True)
-class TickKernels:
-    """The tick of the whole-body QP in a formulation."""
+class ProgramKernels:
+    """What a formulation does in a tick."""
 
-    step: Kernel[int]  # all of it with our own search, on the records of its parts
-    step_of_one: Kernel[int]  # the same on one record, a :class:`ProgramTickRecord`
-    open: Kernel[int]  # terms, tasks and program: what is before the first solution
-    relax: Kernel[
-        bool
-        # after the program with limits was solved, takes them out where one is reached; whether it
-        # did
-    ]
-    # after that was solved, puts the limits in again; whether tasks gave way, so that one more
-    # follows
-    give_way: Kernel[bool]
-    # takes that one's solution or, without one, what :func:`relax` kept; whether the tick has a
-    # solution
-    settle: Kernel[bool]
-    finish: Kernel[
-        int
-    ]  # forces and command of the solution, or the fallback; the status of the tick
-    targets: Kernel[None]  # joint targets of the solution, after :attr:`finish`
-    step_with_targets: Kernel[int]  # :attr:`step`, and these
-    step_of_one_with_targets: Kernel[int]  # :attr:`step_of_one`, and these
+    build: Kernel[None]  # the first program of a tick: (r, p, m, qp, v)
+    go_on: Kernel[bool]  # after each solution, whether another program follows: (r, p, m, qp)
+    finish: Kernel[None]  # inputs, forces and status of the last one: (r, p, m, qp, q, v)
 
 
-def tick_of(formulation: str) -> TickKernels:
-    """The tick in a formulation."""
+def program_of(formulation: str) -> ProgramKernels:
+    """The kernels in a formulation."""
     kernels = FORMULATIONS[formulation].kernels
-    build, read, read_force = kernels.build, kernels.inputs, kernels.force
+    fill, read, read_force = kernels.build, kernels.inputs, kernels.force
     limit, let_give_way, read_acceleration = kernels.limit, kernels.give_way, kernels.acceleration
+
+    @kernel
+    def build(
+        r: WholeBodyTickRecord,
+        p: FormulationRecord,
+        m: ContactMapRecord,
+        qp: ProgramRecord,
+        v: Vector,
+    ) -> None:
+        fill(r.dynamics, r.targets, p, m, qp, v, r.dynamics.tree.rotation)
+        r.program = LIMITED
+
+    @kernel
+    def go_on(
+        r: WholeBodyTickRecord, p: FormulationRecord, m: ContactMapRecord, qp: ProgramRecord
+    ) -> bool:
+        usable = r.outcome <= INACCURATE
+        if r.program == LIMITED:
+            if usable:
+                read(m, qp, r.z, r.solved)
+            if r.gives_way == 0 or p.give_way == 1.0 or (usable and not at_a_limit(r.solved, p)):
+                return False
+            r.kept[:] = r.z
+            r.kept_outcome, r.kept_iterations = r.outcome, r.iterations
+            r.kept_violation = r.violation
+            limit(p, m, qp, False)
+            r.program = FREE
+            return True
+        if r.program == FREE:
+            beyond = False
+            if usable:
+                read(m, qp, r.z, r.unlimited)
+                first = r.unlimited.shape[0] - p.torque_limit.shape[0]
+                beyond = outside(r.unlimited[first:], p.input_lower[first:], p.input_upper[first:])
+            limit(p, m, qp, True)
+            if beyond:
+                let_give_way(r.dynamics, r.targets, p, m, qp, r.z)
+                r.program = GAVE_WAY
+                return True
+        elif usable:
+            read(m, qp, r.z, r.solved)
+            return False
+        r.z[:] = r.kept
+        r.outcome, r.iterations, r.violation = r.kept_outcome, r.kept_iterations, r.kept_violation
+        return False
+
+    @kernel
+    def finish(
+        r: WholeBodyTickRecord,
+        p: FormulationRecord,
+        m: ContactMapRecord,
+        qp: ProgramRecord,
+        q: Vector,
+        v: Vector,
+    ) -> None:
+        read_force(p, m, qp, r.z, r.force)
+        forces_in_world(r.targets, r.force)
+        if r.outcome <= INACCURATE:
+            r.status = r.held_for = 0
+            r.inputs[:] = r.solved
+            if r.acceleration.shape[0] > 0:
+                read_acceleration(m, r.z, r.acceleration)
+        else:
+            r.status = FALLBACK
+            hold(r, q, v)
+
+    return ProgramKernels(build, go_on, finish)
+
+
+PROGRAMS: dict[str, ProgramKernels] = {name: program_of(name) for name in FORMULATIONS}
+"""By formulation."""
+
+
+@cache
+def open_program(formulation: str, opening: Kernel[int]) -> Kernel[int]:
+    """What comes before the first solution in a formulation: the kernel that opens a tick, and the
+    program.
+    """
+    build = PROGRAMS[formulation].build
 
     @kernel(v="r.dynamics.bias", foot_force="r.targets.feet")
     def open_tick(
@@ -177,150 +215,41 @@ def tick_of(formulation: str) -> TickKernels:
         m: ContactMapRecord,
         qp: ProgramRecord,
     ) -> int:
-        if begin_tick(r, target, q, v, foot_force) != GOOD:
-            return BAD_SAMPLE
-        build(r.dynamics, r.targets, p, m, qp, v, r.dynamics.tree.rotation)
-        return OPEN
+        if opening(r, target, q, v, foot_force) != BAD_SAMPLE:
+            build(r, p, m, qp, v)
+        return r.status
 
-    @kernel
-    def relax(
-        r: WholeBodyTickRecord,
-        p: FormulationRecord,
-        m: ContactMapRecord,
-        qp: ProgramRecord,
-        usable: bool,
-    ) -> bool:
-        if usable:
-            read(m, qp, r.z, r.inputs)
-        if p.give_way == 1.0 or (usable and not at_a_limit(r.inputs, p)):
-            return False
-        r.kept[:] = r.z
-        r.kept_outcome, r.kept_iterations, r.kept_violation = r.outcome, r.iterations, r.violation
-        limit(p, m, qp, False)
-        return True
+    return open_tick
 
-    @kernel
-    def give_way(
-        r: WholeBodyTickRecord,
-        p: FormulationRecord,
-        m: ContactMapRecord,
-        qp: ProgramRecord,
-        usable: bool,
-    ) -> bool:
-        beyond = False
-        if usable:
-            read(m, qp, r.z, r.unlimited)
-            first = r.unlimited.shape[0] - p.torque_limit.shape[0]
-            beyond = outside(r.unlimited[first:], p.input_lower[first:], p.input_upper[first:])
-        limit(p, m, qp, True)
-        if beyond:
-            let_give_way(r.dynamics, r.targets, p, m, qp, r.z)
-        return beyond
 
-    @kernel
-    def settle(
-        r: WholeBodyTickRecord, m: ContactMapRecord, qp: ProgramRecord, usable: bool
-    ) -> bool:
-        if usable:
-            read(m, qp, r.z, r.inputs)
-            return True
-        r.z[:] = r.kept
-        r.outcome, r.iterations, r.violation = r.kept_outcome, r.kept_iterations, r.kept_violation
-        return r.outcome <= INACCURATE
-
-    @kernel
-    def finish(
-        r: WholeBodyTickRecord,
-        p: FormulationRecord,
-        m: ContactMapRecord,
-        qp: ProgramRecord,
-        usable: bool,
-        q: Vector,
-        v: Vector,
-    ) -> int:
-        read_force(p, m, qp, r.z, r.force)
-        forces_in_world(r.targets, r.force)
-        _write_command(r, usable, q, v)
-        return 0 if usable else FALLBACK
+@cache
+def program_tick(formulation: str, opening: Kernel[int], closing: Kernel[int]) -> Kernel[int]:
+    """A tick in a formulation with this library's own search, between the kernels that open and
+    close it.
+    """
+    begin, kernels = open_program(formulation, opening), PROGRAMS[formulation]
+    go_on, finish = kernels.go_on, kernels.finish
 
     @kernel(v="r.dynamics.bias", foot_force="r.targets.feet")
-    def qp_step(
+    def tick(
         r: WholeBodyTickRecord,
         target: GaitTargetRecord,
         q: Vector,
         v: Vector,
         foot_force: Vector,
-        problem: FormulationRecord,
-        terms: ContactMapRecord,
-        program: ProgramRecord,
+        p: FormulationRecord,
+        m: ContactMapRecord,
+        qp: ProgramRecord,
         search: ActiveSetRecord,
         dual: DualRecord,
     ) -> int:
         """A tick of the whole-body QP; returns its status."""
-        if open_tick(r, target, q, v, foot_force, problem, terms, program) != OPEN:
-            return BAD_SAMPLE
-        start_tick(search)
-        usable = _solve_once(r, program, search, dual)
-        if relax(r, problem, terms, program, usable):
-            if usable and search.left == search.budget:
-                r.kept_iterations = 1  # the exchange alone has led to a limit
-            usable = give_way(r, problem, terms, program, _solve_once(r, program, search, dual))
-            if usable:
-                usable = _solve_once(r, program, search, dual)
-            usable = settle(r, terms, program, usable)
-        return finish(r, problem, terms, program, usable, q, v)
+        if begin(r, target, q, v, foot_force, p, m, qp) != BAD_SAMPLE:
+            start_tick(search)
+            solve_once(r, qp, search, dual)
+            while go_on(r, p, m, qp):
+                solve_once(r, qp, search, dual)
+            finish(r, p, m, qp, q, v)
+        return closing(r, target, q, v, foot_force)
 
-    @kernel
-    def qp_step_of_one(
-        r: ProgramTickRecord, target: GaitTargetRecord, q: Vector, v: Vector, foot_force: Vector
-    ) -> int:
-        """A tick of the whole-body QP on one record; returns its status."""
-        return qp_step(
-            r.control, target, q, v, foot_force, r.problem, r.terms, r.program, r.search, r.dual
-        )
-
-    @kernel
-    def targets(
-        r: WholeBodyTargetsRecord, m: ContactMapRecord, usable: bool, q: Vector, v: Vector
-    ) -> None:
-        if usable:
-            read_acceleration(m, r.z, r.motors.acceleration)
-        add_lacking(r.motors, r.targets.held, r.motors.acceleration, usable, v, r.torque)
-        move_targets(r.motors, r.motors.acceleration, usable, q, v)
-
-    @kernel(v="r.dynamics.bias", foot_force="r.targets.feet")
-    def step_with_targets(
-        r: WholeBodyTargetsRecord,
-        target: GaitTargetRecord,
-        q: Vector,
-        v: Vector,
-        foot_force: Vector,
-        problem: FormulationRecord,
-        terms: ContactMapRecord,
-        program: ProgramRecord,
-        search: ActiveSetRecord,
-        dual: DualRecord,
-    ) -> int:
-        status = qp_step(r, target, q, v, foot_force, problem, terms, program, search, dual)
-        if r.verdict == GOOD:
-            targets(r, terms, status == 0, q, v)
-        else:
-            keep_targets(r, r.motors)
-        return status
-
-    @kernel
-    def step_of_one_with_targets(
-        r: ProgramTickRecord, target: GaitTargetRecord, q: Vector, v: Vector, foot_force: Vector
-    ) -> int:
-        return step_with_targets(
-            r.control, target, q, v, foot_force, r.problem, r.terms, r.program, r.search, r.dual
-        )
-
-    phases = (open_tick, relax, give_way, settle, finish, targets)
-    return TickKernels(
-        qp_step, qp_step_of_one, *phases, step_with_targets, step_of_one_with_targets
-    )
-
-
-QP_TICKS: dict[str, TickKernels] = {name: tick_of(name) for name in FORMULATIONS}
-"""The tick by formulation."""
+    return tick

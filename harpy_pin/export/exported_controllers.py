@@ -7,31 +7,25 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from functools import cache
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from harpy_pin.controllers.condensed import CondensedController
-from harpy_pin.controllers.condensed_tick import CondensedTickRecord, condensed_step
+from harpy_pin.controllers.condensed_tick import CondensedTickRecord
 from harpy_pin.controllers.gait_controller import GaitController
 from harpy_pin.controllers.governed import GovernedController
-from harpy_pin.controllers.governed_tick import (
-    FilterTickRecord,
-    PaperTickRecord,
-    contact_step,
-    paper_step,
-)
-from harpy_pin.controllers.joint_targets import WITH_TARGETS, CondensedMotorsRecord
 from harpy_pin.controllers.parameters import WholeBodyParameters
 from harpy_pin.controllers.tick import BAD_SAMPLE, FALLBACK, VIOLATED
 from harpy_pin.controllers.whole_body import WholeBodyController
-from harpy_pin.controllers.whole_body_tick import QP_TICKS, ProgramTickRecord
 from harpy_pin.errors import InputError
 from harpy_pin.estimation.estimator import ESTIMATED, Estimator
 from harpy_pin.estimation.record import EstimatorRecord
 from harpy_pin.estimation.statuses import STATUS
 from harpy_pin.estimation.tick import estimate
+from harpy_pin.export.one_record import contact_step, paper_step, program_step
 from harpy_pin.gaits.gait import GaitTarget, GaitTargetRecord
 from harpy_pin.gaits.walking.measuring import measure
 from harpy_pin.gaits.walking.record import WalkingRecord
@@ -41,7 +35,7 @@ from harpy_pin.governors.erg import ExplicitReferenceGovernor
 from harpy_pin.governors.rows import ForceRows
 from harpy_pin.ground.surface import flat_terrain
 from harpy_pin.kernels import Kernel, kernel
-from harpy_pin.model.record import Record, RecordOf, make_record, sized
+from harpy_pin.model.record import Record, RecordOf, fields, make_record, sized
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import State, Vector
 from harpy_pin.model.terms import read_thrusts
@@ -135,11 +129,14 @@ class WalkTickRecord(RecordOf):
 
     gait: WalkingRecord
     goal: GaitTargetRecord
-    control: CondensedTickRecord | CondensedMotorsRecord
+    control: CondensedTickRecord
 
 
-def _walk_of(step: Kernel[int]) -> Kernel[int]:
-    """The tick of a walk with a tick of the controller."""
+@cache
+def walk_step(step: Kernel[int]) -> Kernel[int]:
+    """The tick of a walk with a tick of the controller, the time since the last one (1,), s,
+    instead of a clock.
+    """
 
     @kernel
     def walk_and_control(
@@ -162,14 +159,6 @@ def _walk_of(step: Kernel[int]) -> Kernel[int]:
         return step(r.control, r.goal, q, v, foot_force)
 
     return walk_and_control
-
-
-WALKS: dict[Any, Kernel[int]] = {
-    step: _walk_of(step) for step in (condensed_step, WITH_TARGETS["condensed"])
-}
-"""The tick of a walk by that of its controller, the time since the last one (1,), s, instead of a
-clock.
-"""
 
 
 def exportable_walk(controller: object) -> Exportable:
@@ -197,10 +186,7 @@ def exportable_walk(controller: object) -> Exportable:
     )
     last = gait._record_
     _refuse(not last["terrain"]["level"][0], "a walk on ground that is not level")
-    parts: Any = {
-        name: last[name] if last[name].dtype.names else last[name][0]
-        for name in last.dtype.names or ()
-    }
+    parts: Any = fields(last)
     parts |= {
         "terrain": flat_terrain(pieces=1, cells=1),
         "time": -1.0,
@@ -218,7 +204,7 @@ def exportable_walk(controller: object) -> Exportable:
             goal=GaitTarget(len(gait.robot.feet))._record_,
             control=alone.record,
         ),
-        step=WALKS[alone.step],
+        step=walk_step(controller._step),
         inputs={"elapsed": (1,), **alone.inputs},
         control="control",
     )
@@ -233,16 +219,13 @@ def _program(controller: WholeBodyController) -> Exportable:
     p, problem = controller.parameters, controller.problem
     _refuse_lags(p)
     _refuse(controller.added is not None, "a program with added tasks")
-    _refuse(
-        not isinstance(controller._solver, WarmStartedActiveSet),
-        "a whole-body QP by another solver than 'active_set'",
-    )
+    _refuse(controller._in_python, "a whole-body QP by another solver than 'active_set'")
     fresh = type(problem)(problem.robot, problem.weights, problem.limits)
     program = fresh.program
     search = WarmStartedActiveSet(program)
     controller.reset()
     record = make_record(
-        ProgramTickRecord,
+        None,
         control=controller._record_,
         problem=fresh._record_,
         terms=fresh.terms,
@@ -251,8 +234,7 @@ def _program(controller: WholeBodyController) -> Exportable:
         dual=search.dual._record_,
     )
     title = f"whole-body QP, own search, formulation '{p.formulation}'"
-    ticks = QP_TICKS[p.formulation]
-    step = ticks.step_of_one if controller._command.law is None else ticks.step_of_one_with_targets
+    step = program_step(controller._step)
     return _exportable("wbc", title, controller, record, step, PROGRAM_STATUSES)
 
 
@@ -275,7 +257,7 @@ def _governed(controller: GovernedController) -> Exportable:
         assert isinstance(governor, ExplicitReferenceGovernor)
         assert isinstance(governor.rows, ForceRows)
         parts |= {"governor": governor._record, "rows": governor.rows._record_}
-        record: Record = make_record(PaperTickRecord, **parts)
+        record: Record = make_record(None, **parts)
         kind, title, step = "paper", "the paper's reference governor", paper_step
     else:
         behind.reset()
@@ -284,7 +266,7 @@ def _governed(controller: GovernedController) -> Exportable:
             "terms": behind.terms,
             "governor": behind._record_,
         }
-        record = make_record(FilterTickRecord, **parts)
+        record = make_record(None, **parts)
         kind, title, step = (
             "filter",
             "the paper's controller behind the contact-force filter",

@@ -148,11 +148,12 @@ def _own_fingerprint(
     named: list[str] = []
     for name in (*code.co_names, *code.co_freevars):
         value = known.get(name)
-        kernel = kernel_of(value)
-        if kernel is not None:
-            called.append(kernel)
-            named.append(f"{name}→{kernel.__module__}.{kernel.__qualname__}")
-        elif isinstance(value, int | float | tuple | np.number):
+        for part in value if isinstance(value, tuple) else (value,):
+            kernel = kernel_of(part)
+            if kernel is not None:
+                called.append(kernel)
+                named.append(f"{name}→{kernel.__module__}.{kernel.__qualname__}")
+        if isinstance(value, int | float | tuple | np.number):
             named.append(f"{name}={value!r}")
     lines = [line for _, _, line in code.co_lines()]  # debuggers show them
     own = _digest(code.co_filename) if portable else f"{_described(code)}{lines}"

@@ -10,7 +10,17 @@ from harpy_pin.kernels.assignments import Assignments, stored
 from harpy_pin.kernels.body import line_of
 from harpy_pin.kernels.code import BINDING, Code, c, joined, variable
 from harpy_pin.kernels.types import INTEGER, NOTHING, REAL, Array, Scalar, Tuple, Type, known
-from harpy_pin.kernels.values import AnArray, Done, Items, Number, Refused, Value, View, refuse_if
+from harpy_pin.kernels.values import (
+    AnArray,
+    Done,
+    Items,
+    Named,
+    Number,
+    Refused,
+    Value,
+    View,
+    refuse_if,
+)
 
 RESULT = "result_"
 """The name of the memory that an array is returned in; no other name of C ends so."""
@@ -172,7 +182,7 @@ class Statements(Assignments):
     do_continue = do_break
 
     def do_for(self, statement: ast.For) -> None:
-        """A loop over a range, or over a tuple of numbers of one type."""
+        """A loop over a range, over a tuple of numbers of one type, or over one of kernels."""
         if not isinstance(statement.target, ast.Name) or statement.orelse:
             raise Refused("a loop over several names, or with else")
         name, call, first = statement.target.id, statement.iter, ""
@@ -191,7 +201,11 @@ class Statements(Assignments):
             if header is None:
                 return
         else:
-            header, item, first = self._over_items(own, call)
+            items = self.expression(call)
+            if isinstance(items, Items) and all(isinstance(one, Named) for one in items.items):
+                self._over_kernels(name, items, statement.body)
+                return
+            header, item, first = self._over_items(own, items)
         self.environment[name] = item
         self._enter(statement)
         self._loop(header, statement, own, first)
@@ -228,11 +242,20 @@ class Statements(Assignments):
         simple = code.binding >= BINDING["+"] and "(" not in code.text
         return bool(changed) or not simple or self.may_change(code)
 
-    def _over_items(self, own: Code, node: ast.expr) -> tuple[Code, Number, str]:
+    def _over_kernels(self, name: str, items: Items, body: list[ast.stmt]) -> None:
+        """A loop over kernels: its body once for each of them."""
+        jumps = (ast.Break, ast.Continue, ast.Return)
+        inside = (node for statement in body for node in ast.walk(statement))
+        refuse_if(any(isinstance(node, jumps) for node in inside), "a jump out of kernels in a row")
+        for item in items.items:
+            self.environment[name] = item
+            self.body(body)
+        self.environment.pop(name, None)
+
+    def _over_items(self, own: Code, items: Value) -> tuple[Code, Number, str]:
         """A loop over a tuple, whose numbers go into an array first: its header, an item, and how
         a round begins.
         """
-        items = self.expression(node)
         numbers = [item for item in self.items_of(items) if isinstance(item, Number)]
         kinds = {number.type for number in numbers}
         if not isinstance(items, Items) or len(numbers) < len(items.items) or len(kinds) != 1:

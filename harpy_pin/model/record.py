@@ -213,7 +213,8 @@ def fields(record: Record) -> dict[str, Any]:
 
     They come after its own.
     """
-    return {name: record[name][0] for name in record.dtype.names or ()}
+    columns = ((name, record[name]) for name in record.dtype.names or ())
+    return {name: column if column.dtype.names else column[0] for name, column in columns}
 
 
 @cache

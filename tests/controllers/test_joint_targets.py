@@ -246,7 +246,7 @@ def test_the_law_of_the_condensed_controller_is_that_of_the_qp(formulation):
         a, b = one.step(state), other.step(state)
         intended = other.problem.acceleration(other.solution.z)
         np.testing.assert_allclose(
-            other._record_["motors"]["acceleration"][0], intended, rtol=1e-9, atol=1e-9
+            other._record_["acceleration"][0], intended, rtol=1e-9, atol=1e-9
         )
         largest = max(largest, np.abs(added(a, state)).max())
         worst = max(worst, np.abs(added(a, state) - added(b, state)).max() / np.abs(a.torque).max())

@@ -15,7 +15,7 @@ import harpy_pin as hp
 from harpy_pin import InputError
 from harpy_pin.controllers import WholeBodyParameters
 from harpy_pin.controllers.task_controller import tasks_record
-from harpy_pin.controllers.tasks import task_terms
+from harpy_pin.controllers.tasks import measured_terms, set_tasks
 from harpy_pin.gaits import CommandedGait, CommandedParameters
 from harpy_pin.log.measures import body_angles
 from harpy_pin.model.kinematics import leg_inverse
@@ -305,7 +305,8 @@ def test_the_body_is_turned_to_the_heading(draw_state):
         ).coeffs() * rng.choice((-1.0, 1.0))
         target = gait.update(0.0)
         target.heading[:] = (heading, 0.6, -0.9)
-        task_terms(record, target.record, q, v, np.zeros((2, 3)))
+        measured_terms(record, target.record, q, v, np.zeros((2, 3)))
+        set_tasks(record, target.record, q, v, np.zeros((2, 3)))
         body = pin.Quaternion(*q[[6, 3, 4, 5]]).matrix()
         error = pin.log3(pin.rpy.rpyToMatrix(0.0, 0.0, heading).T @ body)
         up = body.T @ np.array((0.0, 0.0, 1.0))

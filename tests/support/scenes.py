@@ -24,6 +24,7 @@ from harpy_pin.governors.point_mass import Law, axial_force, model_record
 from harpy_pin.governors.rows import StackedRows
 from harpy_pin.governors.thrust import CentreGains
 from harpy_pin.kernels import Kernel
+from harpy_pin.kernels.kernels import _KERNELS
 from harpy_pin.model.catalogue import installed_data
 from harpy_pin.model.dynamics import Dynamics
 from harpy_pin.scenario import Walk
@@ -54,10 +55,15 @@ def scene(function: Callable[[], object]) -> Callable[[], object]:
 
 
 def library_kernels() -> dict[str, Kernel]:
-    """Every kernel of the library, private ones, too."""
+    """Every kernel of the library, private ones and those that were made so far, too."""
     import harpy_pin
 
-    found = {}
+    made = [kernel for kernel in _KERNELS if "<locals>" in kernel.__qualname__]
+    found = {
+        f"{kernel.__module__}.{kernel.__qualname__}[{n}]": kernel
+        for n, kernel in enumerate(made)
+        if kernel.__module__.startswith("harpy_pin.")
+    }
     for module in pkgutil.walk_packages(harpy_pin.__path__, "harpy_pin."):
         if module.name.endswith("__main__"):
             continue
