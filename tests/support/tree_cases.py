@@ -55,7 +55,7 @@ class Case:
         self.solver = WholeBodySolver(self.robot, self.tasks, limits=LIMITS, **settings)
         self.solver.held[:] = 1.0 if self.held is None else self.held
         if self.compliance:
-            self.solver.record["system"]["compliance"] = self.compliance
+            self.solver.record["contacts"]["compliance"] = self.compliance
         share = self.robot.mass * 9.81 / max(len(self.robot.feet), 1)
         self.solver.force_range[:] = 0.02 * share, 6.0 * share
         self.dynamics = hp.Dynamics(self.robot)

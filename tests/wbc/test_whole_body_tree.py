@@ -219,7 +219,7 @@ def test_contradictory_feet_get_the_nearest_motion():
     for _ in range(10):
         state = case.draw(rng)
         compare(case, state, (solve_quadprog,))
-    case.solver.record["system"]["compliance"] = 1e-9
+    case.solver.record["contacts"]["compliance"] = 1e-9
     for _ in range(50):
         state = case.draw(rng, size=10.0)
         check_promise(case, state, case.solver.solve(state))

@@ -87,6 +87,7 @@ class ContactsRecord(RecordOf):
     held: Vector = sized("contacts", fill=1.0)  # 1 where the foot is on the ground
     acceleration: Vector = sized("contacts", 6)  # wanted besides, world axes
     damping: float  # of the foot's velocity, 1/s
+    compliance: float  # ρ
     frame: Vector = sized(
         "feet", 3, 3
     )  # axes of each point's contact in the world; the third is the normal

@@ -44,6 +44,10 @@ class WholeBodyStatus(IntEnum):
     """
     INVALID = 2
     """State or targets were not possible numbers: the solution is that of the last good tick."""
+    CONTACTS_YIELDED = 3
+    """No motion within the limits keeps the feet where they are wanted: the optimum in which they
+    give way, with the weight 1000 of the squares of their accelerations.
+    """
 
 
 STATUS = tuple(WholeBodyStatus)
@@ -246,6 +250,7 @@ def _record(
             row_count=np.array([3 if n == 1 else 6 for n in robot.corners], dtype=np.int64),
             frame=np.tile(np.eye(3), (points, 1, 1)),
             damping=settings["contact_damping"],
+            compliance=COMPLIANCE,
         ),
         regularisation=settings["regularisation"],
         limbs=limbs_record(robot, {}),
