@@ -35,7 +35,7 @@ from harpy_pin.wbc.cones import on_piece, project
 from harpy_pin.wbc.weights import WholeBodyLimits
 
 TOTAL = 500
-"""Steps of a solve, at most."""
+"""Steps of all searches for one elimination, at most."""
 EXACT = ByPrecision(1e-12, single=1e-6)
 """Residual, relative to the terms of the equation, that is rounding."""
 GUESSED = ByPrecision(1e-13, single=1e-5)

@@ -4,6 +4,7 @@ do, and bounded.
 
 from __future__ import annotations
 
+from contextlib import suppress
 from functools import partial
 
 import numpy as np
@@ -13,6 +14,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from needs import needs_robots
 from oracle import run_plain
+from scipy.optimize import linprog
 from tree_cases import (
     CASES,
     LIMITS,
@@ -29,7 +31,7 @@ import harpy_pin as hp
 from harpy_pin.errors import InputError
 from harpy_pin.wbc import MomentumTask
 from harpy_pin.wbc.condensed import WholeBodySolver, WholeBodyStatus, whole_body
-from harpy_pin.wbc.condensed.whole_body_solve import solve_whole_body
+from harpy_pin.wbc.condensed.whole_body_solve import YIELDING, solve_whole_body
 from harpy_pin.wbc.cones import on_piece, project
 from harpy_pin.wbc.optimum import root_multiplier
 
@@ -42,10 +44,10 @@ def error(found, true):
     return np.abs(found - true).max() / np.abs(true).max()
 
 
-def compare(case, state, solvers):
+def compare(case, state, solvers, status=WholeBodyStatus.OPTIMAL):
     """The solver's answer has accelerations, forces and torques of the dense program."""
     solution = case.solver.solve(state)
-    assert solution.status == WholeBodyStatus.OPTIMAL
+    assert solution.status == status
     program, torques = case.dense(state)
     nv, found = len(state.v), case.answer(solution)
     for solve in solvers:
@@ -146,6 +148,21 @@ def test_any_tree_with_any_contacts(seed):
         compare(case, state, (solve_quadprog,))
 
 
+def feasible(program):
+    """Whether any motion keeps equalities and ranges, by a linear program."""
+    _, gradient, equality, value, rows, lower, upper = program
+    matrix, most = np.vstack((rows, -rows)), np.concatenate((upper, -lower))
+    known = most < 1e19
+    return linprog(
+        0.0 * gradient, matrix[known], most[known], equality, value, bounds=(None, None)
+    ).success
+
+
+def cost(program, x):
+    """What a program minimises."""
+    return x @ (0.5 * program[0] @ x + program[1])
+
+
 def check_promise(case, state, solution):
     """Finite; forces in their cones and ranges; and motion, torques and forces satisfy the
     equations of motion.
@@ -188,6 +205,34 @@ def test_promise_for_every_state_and_target(name, fuzz):
         check_promise(case, state, solution)
     assert seen[WholeBodyStatus.OPTIMAL] >= 0.99 * sum(seen)
     assert seen[WholeBodyStatus.INVALID] == 0
+
+
+@needs_robots
+@pytest.mark.parametrize("name", ["go2 stands", "harpy on one foot", "g1 stands"])
+def test_feet_give_way_where_no_motion_within_the_limits_keeps_them(name, fuzz):
+    """Absurd states: where a linear program says that torques and contacts contradict each other,
+    the answer is that of soft contacts, and keeps every limit. No feasible one costs less, as far
+    as quadprog can tell, to which the heavy squares are hard.
+    """
+    case, rng, seen = CASES[name](), np.random.default_rng(3), [0, 0, 0, 0]
+    for _ in range(60 * fuzz):
+        state = case.draw(rng, spread=1.0, size=100.0)
+        state.v[:] *= 30.0
+        case.compliance = 0.0
+        solution = case.solver.solve(state)
+        seen[solution.status] += 1
+        check_promise(case, state, solution)
+        if solution.status == WholeBodyStatus.CONTACTS_YIELDED:
+            assert not feasible(case.dense(state)[0])
+            case.compliance = YIELDING
+            program, torques = case.dense(state)
+            answer = case.answer(solution)
+            assert np.abs(solution.torque - torques(answer)).max() < 1e-4
+            with suppress(ValueError):  # "inconsistent", which it cannot be
+                best = solve_quadprog(program)
+                assert cost(program, answer) < cost(program, best) + 1e-6 * abs(cost(program, best))
+    assert seen[WholeBodyStatus.SUBOPTIMAL] <= 0.05 * sum(seen)
+    assert seen[WholeBodyStatus.CONTACTS_YIELDED] > 0.3 * sum(seen)
 
 
 @needs_robots

@@ -81,8 +81,10 @@ def solve_whole_body(r: WholeBodyRecord, q: Vector, v: Vector) -> int:
     n.steps = 0
     found, status = _within_limits(r, q, v, r.contacts.compliance), OPTIMAL
     if not found:
+        steps, n.steps = n.steps, 0
         forget(n)
         found = _within_limits(r, q, v, YIELDING)
+        n.steps += steps
         status = CONTACTS_YIELDED if found else SUBOPTIMAL
     if verdict != GOOD or not (all_finite(e.acceleration) and all_finite(r.joint_torque)):
         forget(n)
