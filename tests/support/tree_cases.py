@@ -277,6 +277,21 @@ def humanoid(name, *, held=None):
     return Case(robot, hp.gaits.Standing(robot).initial_state()[0], tasks, held)
 
 
+def with_both_hands(*, held=None):
+    """G1 whose one hand has tasks of its pose relative to the other and of the place relative to
+    the torso.
+    """
+    robot = hp.load_robot("g1")
+    left, right = HANDS["g1"]
+    tasks = {
+        hp.FrameTask(left, part="both", root=right): (1.0, 1.0, 1.0, 0.2, 0.2, 0.2),
+        hp.FrameTask(right, root=TORSO["g1"], axes="local"): 3.0,
+        hp.CentreOfMassTask(): 5.0,
+        hp.JointTask(robot.joints): np.linspace(1e-3, 3e-2, len(robot.joints)),
+    }
+    return Case(robot, hp.gaits.Standing(robot).initial_state()[0], tasks, held)
+
+
 def _link(model, joint, mass, size, centre):
     model.appendBodyToJoint(
         joint, pin.Inertia.FromBox(mass, *size), pin.SE3(np.eye(3), np.array(centre))
@@ -348,6 +363,8 @@ def random_tree(seed):
     tasks = {
         hp.FrameTask("task0", part="both", axes="local"): rng.uniform(0.1, 2.0, 6),
         hp.FrameTask("task1"): rng.uniform(0.1, 2.0, 3),
+        hp.FrameTask("task1", root="task0", part="both"): rng.uniform(0.1, 2.0, 6),
+        hp.FrameTask("foot0", root="task1", axes="local"): rng.uniform(0.1, 2.0, 3),
         hp.CentreOfMassTask(): rng.uniform(0.1, 5.0, 3),
         hp.JointTask(tuple(model.names)[2::2]): rng.uniform(0.01, 1.0, 4),
     }
@@ -366,6 +383,7 @@ CASES = {
     "g1 on one foot": lambda: humanoid("g1", held=(1, 0)),
     "talos stands": lambda: humanoid("talos"),
     "talos on one foot": lambda: humanoid("talos", held=(1, 0)),
+    "g1 with both hands": with_both_hands,
     "legs of seven joints": seven_joints,
     "legs of seven joints, one held": lambda: seven_joints(held=(1, 0)),
     "legs of two joints trot": lambda: two_joints(held=(1, 0, 0, 1)),

@@ -219,9 +219,9 @@ def _record(
     firsts = np.cumsum((0, *robot.corners))
     own = task_records(robot, tasks, width=tree_paths(model)[1].shape[1])
     system, first_row = elimination_record(
-        robot, {}, compliance=COMPLIANCE, task_bodies=own.frame_bodies
+        robot, {}, compliance=COMPLIANCE, task_bodies=own.filling, relative=own.relative
     )
-    sizes = {**robot.sizes, "contacts": len(robot.corners)}
+    sizes = {**robot.sizes, "contacts": len(robot.corners), "relative": own.relative}
     places = np.split(
         np.array([corner.placement.translation for corner in corners]).reshape(-1, 3), firsts[1:-1]
     )
@@ -253,7 +253,7 @@ def _record(
             compliance=COMPLIANCE,
         ),
         regularisation=settings["regularisation"],
-        limbs=limbs_record(robot, {}),
+        limbs=limbs_record(robot, {}, relative=own.relative),
         system=system,
         newton=newton,
         limits=limits_record(

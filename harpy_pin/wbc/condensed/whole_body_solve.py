@@ -33,6 +33,7 @@ from harpy_pin.wbc.condensed.tasks import (
     add_contact,
     add_frame,
     add_joints,
+    add_relative,
     contact_forces_map,
     momentum_rows,
     upright,
@@ -108,6 +109,7 @@ def _within_limits(r: WholeBodyRecord, q: Vector, v: Vector, compliance: float) 
     assemble(r, q, v)
     eliminate(e)
     root_equations(e, n.compliance, n.demand)
+    add_relative(d, e, r.frames, n, q)
     begin_limits(r.limits, d, e, b, n)
     found, more = False, True
     for _ in range(ROUNDS):
