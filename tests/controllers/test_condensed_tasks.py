@@ -10,23 +10,10 @@ import pytest
 from needs import needs_robots
 
 import harpy_pin as hp
+from comparison.measure.optimum_cases import GRIPPER, b1_with_arm
 from harpy_pin.gaits.gait import Gait
-from harpy_pin.model.catalogue import CATALOGUE
 
 HAND, OTHER = "left_wrist_yaw_link", "right_wrist_yaw_link"
-GRIPPER = "gripperStator"
-ARM = {"joint2": 1.2, "joint3": -1.6, "joint4": 0.4}
-
-
-def b1_with_arm() -> hp.Robot:
-    path = CATALOGUE["b1"].path().with_name("b1-z1.urdf")
-    names = [*pin.buildModelFromUrdf(str(path), pin.JointModelFreeFlyer()).names][2:]
-    legs = {"hip": 0.0, "thigh": 0.8, "calf": -1.6}
-    posture = [
-        ARM.get(name, legs.get(name.split("_")[1] if "_" in name else "", 0.0)) for name in names
-    ]
-    feet = [f"{leg}_foot" for leg in ("FL", "FR", "RL", "RR")]
-    return hp.load_robot(path, feet=feet, posture=posture)
 
 
 def place_of(robot: hp.Robot, frame: str, q: np.ndarray) -> pin.SE3:

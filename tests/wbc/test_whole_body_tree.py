@@ -15,19 +15,19 @@ from hypothesis import strategies as st
 from needs import needs_robots
 from oracle import run_plain
 from scipy.optimize import linprog
-from tree_cases import (
+from tree_cases import random_tree
+
+import harpy_pin as hp
+from comparison.measure.optimum_cases import (
     CASES,
     LIMITS,
     Case,
     humanoid,
     legged,
-    random_tree,
     solve_proxqp,
     solve_quadprog,
     two_joints,
 )
-
-import harpy_pin as hp
 from harpy_pin.errors import InputError
 from harpy_pin.wbc import MomentumTask
 from harpy_pin.wbc.condensed import WholeBodySolver, WholeBodyStatus, whole_body
