@@ -21,6 +21,7 @@ import harpy_pin as hp
 from comparison.measure.optimum_cases import CASES, LIMITS, Case, legged, legs_of, solve_proxqp
 from comparison.study import Job, Rows, Study, View, grid, most, shown
 from harpy_pin.kernels import kernel
+from harpy_pin.kernels.kernels import wait_for_all
 from harpy_pin.model.state import Vector
 from harpy_pin.wbc import WholeBodyStatus
 from harpy_pin.wbc.condensed.whole_body_solve import WholeBodyRecord, solve_whole_body
@@ -130,11 +131,13 @@ TITLES = {
 
 
 def _cost(job: Job) -> dict[str, Any]:
-    """µs of a solve inside C: the median of the rounds."""
+    """µs of a solve inside C: of the best round."""
     case: Case = SERIES[job["grows"]](job["of"])
     robot = case.robot
     turns = 2e-3 * np.sin(2.0 * np.pi * np.arange(SWAY)[:, None] / SWAY + np.arange(robot.model.nv))
     q = np.array([pin.integrate(robot.model, case.q, turn) for turn in turns])
+    solve_all(case.solver._record_, q, 5.0 * turns)
+    wait_for_all()
     laps = []
     for _ in range(job["rounds"]):
         begin = perf_counter_ns()
@@ -143,7 +146,7 @@ def _cost(job: Job) -> dict[str, Any]:
     contacts = int(np.repeat(case.solver.held, robot.corners).sum())
     tasks = sum(len(weights) for weights in case.solver.weights.values())
     sizes = {"nv": robot.model.nv, "contacts": contacts, "rows": tasks}
-    return {**sizes, "us": float(np.median(laps[1:]))}
+    return {**sizes, "us": min(laps)}
 
 
 KINDS = {"exact": _exact, "admissible": _admissible, "cost": _cost}
@@ -247,8 +250,9 @@ STUDY = Study(
                 "degrees of freedom": shown("nv"),
                 "contact points": shown("contacts"),
                 "rows of tasks": shown("rows"),
-                "median": (shown("us"), "µs"),
+                "time": (shown("us"), "µs"),
             },
+            note="Of the best round, since other work on the machine lowers the others.",
             only=_only("cost"),
         ),
     ],
