@@ -61,7 +61,7 @@ def _exact(job: Job) -> dict[str, Any]:
 
 def _admissible(job: Job) -> dict[str, Any]:
     """Largest violation of cones and ranges, as a share of 1 N + the force, and how solves end."""
-    case, rng = CASES[job["case"]](), np.random.default_rng(job["seed"])
+    case, rng = CASES[job["case"]](), np.random.default_rng([job["seed"], *map(ord, job["case"])])
     solver, worst, outside, ends = case.solver, 0.0, 0, [0, 0, 0, 0]
     share = case.robot.mass * hp.simulation.GRAVITY / len(case.robot.feet)
     for _ in range(job["states"]):
@@ -223,6 +223,7 @@ STUDY = Study(
                 "optimal": shown("optimal"),
                 **{name: most(name) for name in ("motion", "force", "torque")},
             },
+            note="Contacts, which are hard in the dense program, yield by 1e-9 of their multipliers.",
             only=_only("exact"),
         ),
         View(
