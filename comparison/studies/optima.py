@@ -223,7 +223,7 @@ STUDY = Study(
                 "optimal": shown("optimal"),
                 **{name: most(name) for name in ("motion", "force", "torque")},
             },
-            note="Contacts, which are hard in the dense program, yield by 1e-9 of their multipliers.",
+            note="Contacts are hard there; ours yield by 1e-9 of their multipliers.",
             only=_only("exact"),
         ),
         View(
