@@ -74,7 +74,7 @@ class EliminationRecord(RecordOf):
     first_row: NDArray[np.int64]  # (branches + 1,) where the contact rows of each branch begin
     row_end: NDArray[np.int64]  # (rows,) the last degree of freedom that each row depends on
     bias: Vector = sized("nv")  # n, with the damping of the joints
-    compliance: Vector = sized("rows")  # ρ
+    compliance: Vector = sized("rows")  # ρ; those who write the rows write it
     # [X, H] with X = [M_rᵀ, −g]; then [D⁻¹ L⁻ᵀ X, L], of the root with D = 1
     matrix: Vector = sized("nv", "7 + width")
     inverse_pivot: Vector = sized("nv", fill=1.0)  # D⁻¹

@@ -134,19 +134,13 @@ def tree_paths(model: pin.Model) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
 
 
 def elimination_record(
-    robot: Robot,
-    limbs: dict[int, list[int]],
-    *,
-    compliance: float,
-    task_bodies: Sequence[int] = (),
-    relative: int = 0,
+    robot: Robot, limbs: dict[int, list[int]], *, task_bodies: Sequence[int] = (), relative: int = 0
 ) -> tuple[Records[EliminationRecord], NDArray[np.int64]]:
     """A new :class:`EliminationRecord`, and the first row of each foot on none of the limbs.
 
     Args:
         robot: any.
         limbs: that are eliminated before.
-        compliance: of the contact rows.
         task_bodies: that tasks of frames are on.
         relative: rows of relative tasks.
     """
@@ -183,7 +177,6 @@ def elimination_record(
         branch=np.array(on, dtype=np.int64),
         first_row=np.array(first_row, dtype=np.int64),
         row_end=np.array(row_end, dtype=np.int64),
-        compliance=np.full(len(row_end), compliance),
     )
     return system, first
 

@@ -219,7 +219,7 @@ def _record(
     firsts = np.cumsum((0, *robot.corners))
     own = task_records(robot, tasks, width=tree_paths(model)[1].shape[1])
     system, first_row = elimination_record(
-        robot, {}, compliance=COMPLIANCE, task_bodies=own.filling, relative=own.relative
+        robot, {}, task_bodies=own.filling, relative=own.relative
     )
     sizes = {**robot.sizes, "contacts": len(robot.corners), "relative": own.relative}
     places = np.split(
