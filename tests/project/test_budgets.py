@@ -18,11 +18,11 @@ import harpy_pin
 ROOT = Path(__file__).resolve().parents[2]
 CONTRIB = "harpy_pin/contrib/"
 STATEMENTS = {
-    "harpy_pin": 25_450,
+    "harpy_pin": 25_490,
     CONTRIB: 5_450,
     "reproduction": 2_100,
-    "comparison": 7_080,
-    "tests": 28_100,
+    "comparison": 7_390,
+    "tests": 27_880,
 }
 """Most statements of the Python files that Git tracks in a folder; ``harpy_pin`` is without
 contrib.
