@@ -179,8 +179,9 @@ def _draw(figure: Any, rows: Rows) -> None:
         mine = [row for row in rows if row.get("grows") == grows]
         name = "nv" if grows == "joints" else "of"
         panel.plot([row[name] for row in mine], [row["us"] for row in mine], "o-")
-        panel.set(xlabel=title, ylim=(0.0, None))
-    figure.axes[0].set(ylabel="a solve inside C, µs")
+        panel.set(xlabel=title)
+    longest = max(row["us"] for row in rows if row.get("grows") in TITLES)
+    figure.axes[0].set(ylabel="a solve inside C, µs", ylim=(0.0, 1.1 * longest))
 
 
 def _only(kind: str) -> Any:
