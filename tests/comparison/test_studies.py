@@ -15,13 +15,12 @@ import harpy_pin as hp
 from comparison.cli.studies import STUDIES
 from comparison.contenders import OWN
 from comparison.measure.walking import Rows
-from comparison.studies import contacts, ice, limits, optima, steering, thrusters, walking
+from comparison.studies import contacts, ice, limits, steering, thrusters, walking
 from comparison.studies.crossings import CROSSINGS
 from comparison.studies.flights import FLIGHTS
 from comparison.studies.slopes import static_bound, what_happens
 from comparison.tables import Table
 from harpy_pin.files import finite
-from harpy_pin.wbc import WholeBodySolver
 
 TINY: dict[str, dict[str, Any]] = {
     "assumption": {
@@ -105,30 +104,6 @@ def test_a_document_makes_the_tables(name):
     for text in texts:
         assert max(map(len, text.splitlines())) <= 80
         assert len(text.splitlines()) > 2
-
-
-def test_optima_are_those_of_dense_programs_and_their_forces_are_admissible():
-    rows = rows_of("optima")
-    assert len({row["us"] for row in rows if row["kind"] == "cost"}) > 3
-    exact = [row for row in rows if row["kind"] == "exact"]
-    assert all(row["optimal"] == row["states"] for row in exact)
-    assert all(0.0 < row[name] < 1e-6 for row in exact for name in ("motion", "force", "torque"))
-    absurd = [row for row in rows if row["kind"] == "admissible"]
-    assert all(row["outside"] == 0 and row["violation"] < 1e-9 for row in absurd)
-
-
-def test_a_force_beyond_its_range_is_counted(monkeypatch):
-    """The study's own check of forces finds what is not admissible."""
-    job = {"kind": "admissible", "case": "legs of two joints trot", "states": 3, "seed": 0}
-    solve = WholeBodySolver.solve
-
-    def wrong(self, state):
-        solution = solve(self, state)
-        solution.force[:] = -1.0
-        return solution
-
-    monkeypatch.setattr(WholeBodySolver, "solve", wrong)
-    assert optima._admissible(job)["outside"] == 3
 
 
 def test_grounds_show_slip_or_when_a_walk_fell():
