@@ -30,6 +30,8 @@ worst = np.zeros(2)
 controller.step(plant.state)  # so that there is a target
 while plant.t < 4.0:
     body = controller.target.body  # position, then velocity
+    # body[6:] is the acceleration of the centre of mass
+    hand.acceleration[:3] = (body[3:6] - hand.velocity[:3]) / 1e-3
     hand.position[:], hand.velocity[:3] = body[:3] + ahead, body[3:6]
     plant.advance(controller.step(plant.state), steps=2)  # of half a millisecond
     pin.framesForwardKinematics(model, data, plant.q)

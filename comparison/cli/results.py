@@ -33,6 +33,7 @@ CAMPAIGNS: Mapping[str, str] = {
 DRAWN: Mapping[str, str] = {
     "assumption": "assumption",
     "causes": "causes",
+    "optima": "optima",
     "pushes": "pushes",
     "slip": "governors",
     "slopes": "slopes",

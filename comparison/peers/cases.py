@@ -71,7 +71,7 @@ def _stands_on_points(name: str, duration: float, warm_up: int) -> Case:
         states.append(hp.State(state.t, state.q, state.v, *points, force))
     sequence = StateSequence(name, tuple(states))
     program = common_program(gait, FRICTION, posture=FREE_ANKLES)
-    return Case(f"{name} on points, stands", gait, (sequence,), program, warm_up, condensed=False)
+    return Case(f"{name} on points, stands", gait, (sequence,), program, warm_up, ankles=True)
 
 
 def _walks(name: str, contacts: str, speed: float, duration: float, warm_up: int) -> Case:

@@ -26,20 +26,18 @@ WholeBody = WholeBodyController | CondensedController
 def contenders(case: Case) -> dict[str, Callable[[], WholeBody]]:
     """What makes each of our controllers, by the name of its row."""
     gait, p = case.gait, case.parameters
-    made: dict[str, Callable[[], WholeBody]] = {
+    return {
+        "condensed WBC": lambda: CondensedController(gait, p),
         "whole-body QP, own search": lambda: WholeBodyController(gait, replace(p, **OWN_SEARCH)),
         "whole-body QP, ProxQP": lambda: _by_proxqp(case),
     }
-    return (
-        {"condensed WBC": lambda: CondensedController(gait, p), **made} if case.condensed else made
-    )
 
 
 def _by_proxqp(case: Case) -> WholeBodyController:
     """The formulation with which ProxQP is fastest; on soles ``input_space`` poses another program,
     and on ankles it is not exact.
     """
-    short = case.condensed and not case.gait.robot.flat_feet
+    short = not case.ankles and not case.gait.robot.flat_feet
     formulation = "input_space" if short else "full"
     return WholeBodyController(
         case.gait, replace(case.parameters, solver="proxqp", formulation=formulation)

@@ -55,7 +55,7 @@ class Case:
     sequences: tuple[StateSequence, ...]
     parameters: hp.controllers.WholeBodyParameters
     first: int  # tick of each sequence from which on times count
-    condensed: bool = True  # whether the condensed WBC takes this robot
+    ankles: bool = False  # whether legs on points have joints that no foot determines
 
 
 def common_program(

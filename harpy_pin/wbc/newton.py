@@ -35,7 +35,7 @@ from harpy_pin.wbc.cones import on_piece, project
 from harpy_pin.wbc.weights import WholeBodyLimits
 
 TOTAL = 500
-"""Steps of a solve, at most."""
+"""Steps of all searches for one elimination, at most."""
 EXACT = ByPrecision(1e-12, single=1e-6)
 """Residual, relative to the terms of the equation, that is rounding."""
 GUESSED = ByPrecision(1e-13, single=1e-5)
@@ -56,39 +56,41 @@ class NewtonRecord(RecordOf):
     """The equation in λ, and its root: six unknowns, and one for each limit that binds."""
 
     limits: int = ZERO  # how many there are
-    compliance: Vector = sized("6 + joints", "6 + joints")  # K
-    demand: Vector = sized("6 + joints")  # w
-    soft: Vector = sized("6 + joints", "6 + joints")  # K with the tasks of momentum in it
-    target: Vector = sized("6 + joints")  # w with them
+    compliance: Vector = sized("6 + relative + joints", "6 + relative + joints")  # K
+    demand: Vector = sized("6 + relative + joints")  # w
+    soft: Vector = sized(
+        "6 + relative + joints", "6 + relative + joints"
+    )  # K with the tasks of momentum in it
+    target: Vector = sized("6 + relative + joints")  # w with them
     momentum_map: Vector = sized("momenta", 6)  # X
     momentum_target: Vector = sized("momenta")  # h
     momentum_weight: Vector = sized("momenta")  # V
-    momentum_work: Vector = sized("momenta", "7 + joints")
+    momentum_work: Vector = sized("momenta", "7 + relative + joints")
     # Gᵀ of the contact forces, in the axes of their contacts
-    force_map: Vector = sized("3 feet", "6 + joints")
+    force_map: Vector = sized("3 feet", "6 + relative + joints")
     held: Vector = sized("feet", fill=1.0)  # 1 for a force that acts
     friction: Vector = sized("feet")  # of the faces
     force_range: Vector = sized("feet", 2)  # N
     faces: Vector  # (n, 3) see :func:`~harpy_pin.wbc.cones.project`
     force_weight: float  # ε
     planned: Vector = sized("3 feet")  # f* in the axes of the contacts, N
-    thrust_map: Vector = sized("thrusts", "6 + joints")  # Gᵀ of the thrusts
+    thrust_map: Vector = sized("thrusts", "6 + relative + joints")  # Gᵀ of the thrusts
     thrust_weight: float
     thrust_range: Vector = sized("thrusts", 2)  # N
     limit_range: Vector = sized("joints", 2)  # of each quantity at a limit
     limit_yield: Vector = sized("joints")  # δ to begin with
     yielding: float = 1.0  # share of it that is left
     limit_last: Vector = sized("joints")  # ν₀
-    multiplier: Vector = sized("6 + joints")  # λ
-    residual: Vector = sized("6 + joints")  # F
-    step: Vector = sized("6 + joints")
-    start: Vector = sized("6 + joints")
-    matrix: Vector = sized("6 + joints", "6 + joints")  # derivative of F
+    multiplier: Vector = sized("6 + relative + joints")  # λ
+    residual: Vector = sized("6 + relative + joints")  # F
+    step: Vector = sized("6 + relative + joints")
+    start: Vector = sized("6 + relative + joints")
+    matrix: Vector = sized("6 + relative + joints", "6 + relative + joints")  # derivative of F
     force: Vector = sized("3 feet")  # f in the axes of the contacts, N
     thrust: Vector = sized("thrusts")  # N
     limited: Vector = sized("joints")  # each quantity whose limit does not bind
     derivative: Vector = sized("feet", 3, 3)  # of Π_k
-    turned: Vector = sized(3, "6 + joints")  # Π_k' G_kᵀ
+    turned: Vector = sized(3, "6 + relative + joints")  # Π_k' G_kᵀ
     piece: NDArray[np.int64] = sized("feet", whole=True)
     thrust_piece: NDArray[np.int64] = sized("thrusts", whole=True)
     # of each limit: 0 where it does not bind, 1 at the lower end of its range, 2 at the upper one
@@ -98,6 +100,8 @@ class NewtonRecord(RecordOf):
     line: Vector = sized(2)
     line_force: Vector = sized("feet", 3, 3)
     line_thrust: Vector = sized(3, "thrusts")
+    # λ without the tasks of momentum, and the multipliers of relative tasks
+    bare: Vector = sized("6 + relative")
     steps: int = ZERO  # of the last solve, in all its searches
 
 
@@ -107,7 +111,8 @@ def newton_record(
     """A new :class:`NewtonRecord`, with the faces and the friction of the limits.
 
     Args:
-        sizes: of the robot, and ``momenta``, the number of rows of momentum.
+        sizes: of the robot, ``momenta``, the number of rows of momentum, and ``relative``, that of
+            relative tasks.
         limits: friction of the ground and faces of the pyramids.
         force_weight: ε.
         thrust_weight: of the thrusts.
@@ -179,6 +184,7 @@ def _evaluate(n: NewtonRecord, multiplier: Vector, softer: float) -> int:
     than before.
     """
     s, changed, per_force = multiplier.shape[0], 0, 1.0 / (softer * n.force_weight)
+    first = n.bare.shape[0]
     residual = n.residual[:s]
     residual[:] = n.soft[:s, :s] @ multiplier - n.target[:s]
     for k in range(n.held.shape[0]):
@@ -199,14 +205,14 @@ def _evaluate(n: NewtonRecord, multiplier: Vector, softer: float) -> int:
         changed += int(np.sum(ends != n.thrust_piece))
         n.thrust_piece[:], n.thrust[:] = ends, np.clip(g, lower, upper)
         residual += n.thrust @ n.thrust_map[:, :s]
-    for k in range(s - 6):
+    for k in range(s - first):
         if n.limit_piece[k] == 0:
-            n.limited[k] = -residual[6 + k]
-            residual[6 + k] = 0.0
+            n.limited[k] = -residual[first + k]
+            residual[first + k] = 0.0
         else:
-            away = multiplier[6 + k] - n.limit_last[k]
+            away = multiplier[first + k] - n.limit_last[k]
             limit = n.limit_range[k, n.limit_piece[k] - 1]
-            residual[6 + k] += limit + n.yielding * n.limit_yield[k] * away
+            residual[first + k] += limit + n.yielding * n.limit_yield[k] * away
     return changed
 
 
@@ -215,7 +221,7 @@ def _linearise(n: NewtonRecord, root: Vector, softer: float) -> None:
     """F, if every force were on its piece wherever λ is: the factor of its derivative, and the
     right-hand side whose solution is its root.
     """
-    s, per_force = root.shape[0], 1.0 / (softer * n.force_weight)
+    s, first, per_force = root.shape[0], n.bare.shape[0], 1.0 / (softer * n.force_weight)
     matrix, turned, offset = n.matrix[:s, :s], n.turned[:, :s], np.empty((3,))
     matrix[:] = n.soft[:s, :s]
     root[:] = n.target[:s]
@@ -234,13 +240,13 @@ def _linearise(n: NewtonRecord, root: Vector, softer: float) -> None:
             matrix += 1.0 / (softer * n.thrust_weight) * np.outer(column, column)
         else:
             root -= n.thrust_range[k, end - 1] * column
-    for k in range(s - 6):
+    for k in range(s - first):
         if n.limit_piece[k] == 0:
-            matrix[6 + k, 6 + k] = APART
+            matrix[first + k, first + k] = APART
         else:
-            matrix[6 + k, 6 + k] += n.yielding * n.limit_yield[k]
-            root[6 + k] += n.yielding * n.limit_yield[k] * n.limit_last[k]
-            root[6 + k] -= n.limit_range[k, n.limit_piece[k] - 1]
+            matrix[first + k, first + k] += n.yielding * n.limit_yield[k]
+            root[first + k] += n.yielding * n.limit_yield[k] * n.limit_last[k]
+            root[first + k] -= n.limit_range[k, n.limit_piece[k] - 1]
     factorise(matrix, matrix, MIN_PIVOT * largest(matrix))
 
 
@@ -269,15 +275,15 @@ def _search_along(n: NewtonRecord, multiplier: Vector, softer: float, slope: flo
 @kernel
 def _begin_line(n: NewtonRecord, multiplier: Vector, softer: float) -> None:
     """What is linear along the step: part of the slope, and the forces before their projections."""
-    s, per_force = multiplier.shape[0], 1.0 / (softer * n.force_weight)
+    s, first, per_force = multiplier.shape[0], n.bare.shape[0], 1.0 / (softer * n.force_weight)
     start, step = n.start[:s], n.step[:s]
     residual = n.residual[:s]  # work space: it is evaluated again at the end
     residual[:] = n.soft[:s, :s] @ start - n.target[:s]
     n.line[0] = step @ residual
     residual[:] = n.soft[:s, :s] @ step
     n.line[1] = step @ residual
-    for k in range(s - 6):
-        at, end = 6 + k, n.limit_piece[k]
+    for k in range(s - first):
+        at, end = first + k, n.limit_piece[k]
         if end != 0:  # without it the step is zero there
             yielding = n.yielding * n.limit_yield[k]
             away = n.limit_range[k, end - 1] + yielding * (start[at] - n.limit_last[k])

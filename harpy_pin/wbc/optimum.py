@@ -56,8 +56,8 @@ def find_forces(n: NewtonRecord) -> bool:
         return False
     n.yielding = 1.0
     if n.limits == 0:
-        return _find_root(n, n.multiplier[:6])  # of a size known when compiling
-    multiplier = n.multiplier[: 6 + n.limits]
+        return _find_root(n, n.multiplier[: n.bare.shape[0]])  # of a size known when compiling
+    multiplier = n.multiplier[: n.bare.shape[0] + n.limits]
     found, one_by_one = _find_root(n, multiplier), False
     for move in range(MOVES):
         if found and not _exchange_limits(n, one_by_one or move >= TOGETHER) and _move_limits(n):
@@ -98,7 +98,7 @@ def _exchange_limits(n: NewtonRecord, one: bool) -> bool:
     for k in range(n.limits):
         if changed and one:
             return True
-        at, end = 6 + k, n.limit_piece[k]
+        at, end = n.bare.shape[0] + k, n.limit_piece[k]
         lower, upper = n.limit_range[k]
         if end == 0:
             s = n.limited[k]
@@ -118,10 +118,10 @@ def _exchange_limits(n: NewtonRecord, one: bool) -> bool:
 @kernel
 def _move_limits(n: NewtonRecord) -> bool:
     """ν₀ of all limits to where ν is; whether it was there."""
-    settled = True
+    settled, first = True, n.bare.shape[0]
     for k in range(n.limits):
         if n.limit_piece[k] != 0:
-            nu, limit = n.multiplier[6 + k], n.limit_range[k, n.limit_piece[k] - 1]
+            nu, limit = n.multiplier[first + k], n.limit_range[k, n.limit_piece[k] - 1]
             gap = n.yielding * n.limit_yield[k] * abs(nu - n.limit_last[k])
             settled = settled and gap <= SETTLED * (1.0 + abs(limit))
             n.limit_last[k] = nu
@@ -134,7 +134,7 @@ def enter_limit(n: NewtonRecord, lower: float, upper: float, end: int) -> None:
     """One limit more, at its lower end, 1, or its upper one, 2, where it binds: its row of K, entry
     of w, columns of the maps and multiplier are there already.
     """
-    k, at = n.limits, 6 + n.limits
+    k, at = n.limits, n.bare.shape[0] + n.limits
     n.limit_range[k, 0], n.limit_range[k, 1] = lower, upper
     n.limit_piece[k] = end
     n.limit_last[k] = n.multiplier[at]
@@ -153,31 +153,29 @@ def forget(n: NewtonRecord) -> None:
 
 
 @kernel
-def root_multiplier(n: NewtonRecord, found: bool, multiplier: Vector) -> None:
-    """λ (6,) of the root's equations, without the tasks of momentum.
-
-    With it the root's equations hold for the forces and the multipliers of limits at hand,
-    whichever they are; where the root was ``found``, and there is no task of momentum, it is that.
+def root_multiplier(n: NewtonRecord, found: bool) -> None:
+    """``bare``: with it the root's equations and relative tasks hold for the forces and the
+    multipliers of limits at hand, whichever they are; where the root was ``found``, and there is no
+    task of momentum, it is that.
     """
-    without = np.max(n.momentum_weight) == 0.0
+    first, without = n.bare.shape[0], np.max(n.momentum_weight) == 0.0
     if found and without:
-        multiplier[:] = n.multiplier[:6]
+        n.bare[:] = n.multiplier[:first]
         return
-    multiplier[:] = n.demand[:6] - n.force_map[:, :6].T @ n.force
+    s, matrix = first + n.limits, n.matrix[:first, :first]
+    n.bare[:] = n.demand[:first] - n.force_map[:, :first].T @ n.force
     if n.thrust.shape[0] > 0:
-        multiplier -= n.thrust_map[:, :6].T @ n.thrust
+        n.bare[:] -= n.thrust_map[:, :first].T @ n.thrust
     if n.limit_range.shape[0] > 0:
-        s = 6 + n.limits
-        multiplier -= n.multiplier[6:s] @ n.compliance[6:s, :6]
-    matrix = n.matrix[:6, :6]
-    factorise(n.compliance[:6, :6], matrix, MIN_PIVOT * largest(n.compliance))
-    solve_vector(matrix, multiplier)
+        n.bare[:] -= n.multiplier[first:s] @ n.compliance[first:s, :first]
+    factorise(n.compliance[:first, :first], matrix, MIN_PIVOT * largest(n.compliance))
+    solve_vector(matrix, n.bare)
 
 
 @kernel
 def add_momentum(n: NewtonRecord) -> None:
     """``soft`` and ``target``: K and w with the tasks of momentum in them."""
-    s = 6 + n.limits
+    s = n.bare.shape[0] + n.limits
     n.soft[:s, :s] = n.compliance[:s, :s]
     n.target[:s] = n.demand[:s]
     n.target[s:] = 0.0

@@ -54,8 +54,7 @@ def test_what_peers_are_given_is_what_our_controllers_solve(made: Make, name: st
         # the search leaves multipliers of the wrong sign up to PULL, which forces of small weight
         # feel
         np.testing.assert_allclose(commands["whole-body QP, own search"][i], torque, atol=2e-4)
-        if case.condensed:
-            np.testing.assert_allclose(commands["condensed WBC"][i], torque, atol=2e-4)
+        np.testing.assert_allclose(commands["condensed WBC"][i], torque, atol=2e-4)
     assert joints == len(problem.settings["joint_weights"])
 
 

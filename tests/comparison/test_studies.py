@@ -49,6 +49,7 @@ TINY: dict[str, dict[str, Any]] = {
         "repetitions": 1,
         "laps": 4,
     },
+    "optima": {"states": 2, "absurd": 5, "rounds": 2},
     "pushes": {"plants": ("compliant",)},
     "robots": {"robots": ("solo12", "solo8"), "duration": 1.0},
     "speed": {"duration": 0.3},
@@ -66,7 +67,7 @@ TINY: dict[str, dict[str, Any]] = {
 """Settings of a look, with even less; the policy and the microcontrollers have tests of their
 own.
 """
-OF_ROBOTS = ("crossings", "pushes", "robots", "slopes", "speed", "walking")
+OF_ROBOTS = ("crossings", "optima", "pushes", "robots", "slopes", "speed", "walking")
 _found: dict[str, Rows] = {}
 
 

@@ -89,6 +89,51 @@ def test_frames_accelerate_as_pinocchio_says(seed, part, local, name):
     np.testing.assert_allclose(task.rows(dynamics, state)[1] - target, desired[rows], atol=1e-9)
 
 
+NAMES = [f.name for f in ROBOT.model.frames[1:]]
+
+
+@given(seeds, st.booleans(), st.sampled_from(NAMES), st.sampled_from(NAMES))
+def test_one_frame_accelerates_relative_to_another_as_differences_of_poses_say(
+    seed, local, name, root
+):
+    """Second differences of the pose in the root's axes, along q(t) = q ⊕ (v t + a t² / 2)."""
+    rng, q, v, a, dynamics, state = draw(seed)
+
+    def pose(t):
+        moved = pin.integrate(ROBOT.model, q, v * t + 0.5 * a * t**2)
+        frames = [pinocchio_frame(one, moved, v, a)[0] for one in (name, root)]
+        return frames[1].actInv(frames[0])
+
+    h, here = 1e-4, pose(0.0)
+    steps = [
+        np.concatenate(
+            (pose(t).translation - here.translation, pin.log3(pose(t).rotation @ here.rotation.T))
+        )
+        for t in (h, -h)
+    ]
+    axes, turn = ("local", here.rotation) if local else ("world", np.eye(3))
+    velocity, expected = (
+        (turn.T @ two.reshape(2, 3).T).T.ravel()
+        for two in ((steps[0] - steps[1]) / (2.0 * h), (steps[0] + steps[1]) / h**2)
+    )
+    matrix, target = hp.FrameTask(name, part="both", root=root, axes=axes).rows(dynamics, state)
+    size = 1e-4 * (1.0 + np.abs(expected).max() + np.abs(velocity).max() ** 3)
+    np.testing.assert_allclose(matrix @ a - target, expected, atol=size)
+    np.testing.assert_allclose(matrix @ v, velocity, atol=size)
+    way, turned = 0.5 * rng.standard_normal((2, 3))
+    task = hp.FrameTask(
+        name,
+        part="both",
+        root=root,
+        axes=axes,
+        position=here.translation + turn @ way,
+        rotation=turn @ pin.exp3(turned) @ turn.T @ here.rotation,
+        gains=(50.0, 7.0),
+    )
+    desired = 50.0 * np.concatenate((way, turned)) - 7.0 * (matrix @ v)
+    np.testing.assert_allclose(task.rows(dynamics, state)[1] - target, desired, atol=1e-8)
+
+
 @given(seeds)
 def test_centre_of_mass_and_momentum_move_as_pinocchio_says(seed):
     rng, q, v, a, dynamics, state = draw(seed)

@@ -15,7 +15,6 @@ from harpy_pin.model.memory import KeepsViews, fixed_arrays
 from harpy_pin.model.record import Record, Records, field, make_record, same_layout
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
-from harpy_pin.wbc.condensed.gait_tasks import COMPLIANCE
 from harpy_pin.wbc.condensed.solve import CondensedRecord, solve_condensed
 from harpy_pin.wbc.condensed.structure import (
     determined_limbs,
@@ -62,14 +61,14 @@ def condensed_record(
     """
     values, model = problem_values(robot, weights, limits), robot.model
     own = task_records(robot, tasks, width=tree_paths(model)[1].shape[1])
-    limbs = determined_limbs(robot, (*own.frame_bodies, *own.joint_bodies))
+    limbs = determined_limbs(robot, (*own.filling, *own.others))
     system, first_row = elimination_record(
-        robot, limbs, compliance=COMPLIANCE, task_bodies=own.frame_bodies
+        robot, limbs, task_bodies=own.filling, relative=own.relative
     )
     others = [foot for foot in range(len(robot.corners)) if foot not in limbs]
     of_momentum = any(isinstance(task, CentreOfMassTask | MomentumTask) for task in tasks)
     newton = newton_record(
-        {**robot.sizes, "momenta": 2 + (MOMENTA if of_momentum else 0)},
+        {**robot.sizes, "momenta": 2 + (MOMENTA if of_momentum else 0), "relative": own.relative},
         limits,
         force_weight=weights.force,
         thrust_weight=weights.thrust,
@@ -77,7 +76,7 @@ def condensed_record(
     return make_record(
         CondensedRecord,
         robot.sizes,
-        limbs=limbs_record(robot, limbs),
+        limbs=limbs_record(robot, limbs, relative=own.relative),
         others=feet_record(robot, others, first_row),
         system=system,
         newton=newton,

@@ -74,7 +74,7 @@ class EliminationRecord(RecordOf):
     first_row: NDArray[np.int64]  # (branches + 1,) where the contact rows of each branch begin
     row_end: NDArray[np.int64]  # (rows,) the last degree of freedom that each row depends on
     bias: Vector = sized("nv")  # n, with the damping of the joints
-    compliance: Vector = sized("rows")  # ρ
+    compliance: Vector = sized("rows")  # ρ; those who write the rows write it
     # [X, H] with X = [M_rᵀ, −g]; then [D⁻¹ L⁻ᵀ X, L], of the root with D = 1
     matrix: Vector = sized("nv", "7 + width")
     inverse_pivot: Vector = sized("nv", fill=1.0)  # D⁻¹
@@ -82,8 +82,9 @@ class EliminationRecord(RecordOf):
     rows: Vector = sized("rows", "7 + width")
     schur: Vector = sized("rows", "rows")  # factors of S = L_Sᵀ L_S, one below the other
     remainder: Vector = sized(7, 7)  # Φ
-    limit_sides: Vector = sized("joints", "nv")  # D⁻¹ L⁻ᵀ x of each limit that binds
-    limit_rows: Vector = sized("joints", "rows")  # of the contact rows, L_S⁻ᵀ z
+    # D⁻¹ L⁻ᵀ x of each row that is eliminated last: of relative tasks, and of limits that bind
+    last_sides: Vector = sized("relative + joints", "nv")
+    last_rows: Vector = sized("relative + joints", "rows")  # of the contact rows, L_S⁻ᵀ z
     multiplier: Vector = sized("rows")  # μ
     acceleration: Vector = sized("nv")  # a
 
@@ -173,11 +174,11 @@ def root_equations(e: EliminationRecord, compliance: Vector, demand: Vector) -> 
 
 
 @kernel
-def eliminate_limit(e: EliminationRecord, n: int, row: Vector) -> None:
-    """The right-hand side of limit n, after :func:`eliminate`: a row (nv,) of a quantity ``row``
-    a.
+def eliminate_last(e: EliminationRecord, n: int, row: Vector) -> None:
+    """The right-hand side of row n of those that are last, after :func:`eliminate`: of a quantity
+    x a, with ``row`` x (nv,).
     """
-    side, rows = e.limit_sides[n], e.limit_rows[n]
+    side, rows = e.last_sides[n], e.last_rows[n]
     side[:] = row
     rows[:] = 0.0
     for m in range(e.order.shape[0] - 1, -1, -1):
@@ -201,22 +202,22 @@ def eliminate_limit(e: EliminationRecord, n: int, row: Vector) -> None:
 
 
 @kernel
-def limit_equation(e: EliminationRecord, n: int, compliance: Vector, demand: Vector) -> None:
-    """Row and column of K, and entry of w, of limit n; ``demand`` is without its bias."""
-    side, rows, at = e.limit_sides[n], e.limit_rows[n], ROOT + n
+def last_equation(e: EliminationRecord, n: int, compliance: Vector, demand: Vector) -> None:
+    """Row and column of K, and entry of w, of that quantity; ``demand`` is without its bias."""
+    side, rows, at = e.last_sides[n], e.last_rows[n], ROOT + n
     freed = side / e.inverse_pivot
     entry = rows @ e.rows[:, :SIDES] - freed @ e.matrix[:, :SIDES]
     demand[at] = entry[ROOT]
     compliance[at, :ROOT] = compliance[:ROOT, at] = -entry[:ROOT]
     row, column = compliance[at, ROOT : at + 1], compliance[ROOT : at + 1, at]
-    row[:] = column[:] = e.limit_sides[: n + 1] @ freed - e.limit_rows[: n + 1] @ rows
+    row[:] = column[:] = e.last_sides[: n + 1] @ freed - e.last_rows[: n + 1] @ rows
 
 
 @kernel
-def back_substitute(e: EliminationRecord, z: Vector, limits: Vector) -> None:
-    """a and μ of z = [λ; 1] (7,) and the multipliers of limits, from the root to the tips."""
+def back_substitute(e: EliminationRecord, z: Vector, others: Vector) -> None:
+    """a and μ of z = [λ; 1] (7,) and multipliers of the last rows, from the root to the tips."""
     base = e.acceleration[:ROOT]
-    base[:] = -(e.matrix[:ROOT, :SIDES] @ z) - limits @ e.limit_sides[: limits.shape[0], :ROOT]
+    base[:] = -(e.matrix[:ROOT, :SIDES] @ z) - others @ e.last_sides[: others.shape[0], :ROOT]
     solve_factor(e.matrix[:ROOT, SIDES : SIDES + ROOT], base.reshape((ROOT, 1)), 1)
     for m in range(e.order.shape[0]):
         k = e.order[m]
@@ -227,13 +228,13 @@ def back_substitute(e: EliminationRecord, z: Vector, limits: Vector) -> None:
                 mu = e.multiplier[first:last]
                 mu[:] = e.rows[first:last, :SIDES] @ z
                 mu += e.rows[first:last, SIDES : SIDES + ROOT] @ base
-                mu += limits @ e.limit_rows[: limits.shape[0], first:last]
+                mu += others @ e.last_rows[: others.shape[0], first:last]
                 solve_factor(e.schur[first:last, : last - first], mu.reshape((last - first, 1)), 1)
             for r in range(first, last):
                 if e.path[e.row_end[r], d] == k:
                     pull += e.rows[r, SIDES + d] * e.multiplier[r]
         pull = e.inverse_pivot[k] * pull + e.matrix[k, :SIDES] @ z
-        pull += limits @ e.limit_sides[: limits.shape[0], k]
+        pull += others @ e.last_sides[: others.shape[0], k]
         if e.filled[k]:
             for i in range(d):
                 pull += e.matrix[k, SIDES + i] * e.acceleration[e.path[k, i]]

@@ -56,7 +56,8 @@ class LimbsRecord(RecordOf):
     softness: Vector = sized("limbs")  # 1/w; zero for a foot that is held
     free_map: Vector = sized("limbs", "r", 6)  # −(M_rk J_kl⁺)ᵀ; of a foot that is not held
     free_acceleration: Vector = sized("limbs", "r")  # δ_k
-    limit_map: Vector = sized("joints", "limbs", "r")  # −(x J_kl⁺)ᵀ of each limit that binds
+    # −(x J_kl⁺)ᵀ of each limit that binds, behind the rows of relative tasks, which are on no limb
+    limit_map: Vector = sized("relative + joints", "limbs", "r")
 
 
 @kernel

@@ -28,8 +28,8 @@ from harpy_pin.model.state import Vector
 from harpy_pin.wbc.condensed.elimination import (
     ROOT,
     EliminationRecord,
-    eliminate_limit,
-    limit_equation,
+    eliminate_last,
+    last_equation,
 )
 from harpy_pin.wbc.condensed.limbs import LimbsRecord, limbs_equation, limbs_of_limit
 from harpy_pin.wbc.newton import NewtonRecord
@@ -83,7 +83,7 @@ def begin_limits(
     m: LimitsRecord, d: DynamicsRecord, e: EliminationRecord, b: LimbsRecord, n: NewtonRecord
 ) -> None:
     """The limits at which the last tick ended, again."""
-    last, joints = n.limits, m.place.shape[0]
+    last, joints, first = n.limits, m.place.shape[0], n.bare.shape[0]
     n.limits = 0
     for k in range(last):
         bound, end = m.bound[k], n.limit_piece[k]
@@ -92,7 +92,7 @@ def begin_limits(
         is_torque = bound < joints
         limit = m.torque_range[bound] if is_torque else m.acceleration_range[bound - joints]
         if abs(limit[end - 1]) < np.inf:
-            n.multiplier[ROOT + n.limits] = n.multiplier[ROOT + k]
+            n.multiplier[first + n.limits] = n.multiplier[first + k]
             add_limit(m, d, e, b, n, bound, end)
 
 
@@ -107,8 +107,9 @@ def add_limit(
     end: int,
 ) -> None:
     """A limit into the elimination and the equation, at its lower end, 1, or its upper one, 2."""
-    joints, k, at = m.place.shape[0], n.limits, ROOT + n.limits
-    m.bound[k] = bound
+    joints, at = m.place.shape[0], n.bare.shape[0] + n.limits
+    k = at - ROOT
+    m.bound[n.limits] = bound
     is_torque = bound < joints
     j = bound if is_torque else bound - joints
     if is_torque:
@@ -117,8 +118,8 @@ def add_limit(
         m.row[:] = 0.0
         m.row[ROOT + j] = 1.0
     bias = limbs_of_limit(b, k, m.row)
-    eliminate_limit(e, k, m.row)
-    limit_equation(e, k, n.compliance, n.demand)
+    eliminate_last(e, k, m.row)
+    last_equation(e, k, n.compliance, n.demand)
     limbs_equation(b, k, n.compliance)
     n.demand[at] += bias
     if is_torque:
@@ -158,7 +159,7 @@ def add_violated(
         if end != 0 and not known:
             violated = True
             if n.limits < joints:
-                n.multiplier[ROOT + n.limits] = 0.0
+                n.multiplier[n.bare.shape[0] + n.limits] = 0.0
                 add_limit(m, d, e, b, n, bound, end)
     return violated
 

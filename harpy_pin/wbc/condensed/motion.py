@@ -23,11 +23,12 @@ def move(
     found: bool,
 ) -> None:
     """a, and the torques (joints,); ``found`` says whether λ is that of the optimum."""
-    columns, limits = np.empty((SIDES,)), n.multiplier[ROOT : ROOT + n.limits]
-    columns[ROOT] = 1.0
-    root_multiplier(n, found, columns[:ROOT])
-    back_substitute(e, columns, limits)
-    move_limbs(b, e, columns[:ROOT], limits)
+    columns, first = np.empty((SIDES,)), n.bare.shape[0]
+    others = n.multiplier[ROOT : first + n.limits]
+    root_multiplier(n, found)
+    columns[:ROOT], columns[ROOT], others[: first - ROOT] = n.bare[:ROOT], 1.0, n.bare[ROOT:]
+    back_substitute(e, columns, others)
+    move_limbs(b, e, columns[:ROOT], others)
     _joint_torques(d, e, b, n, torque)
 
 

@@ -36,6 +36,7 @@ from harpy_pin.wbc.condensed.tasks import (
     MomentumTasksRecord,
     add_frame,
     add_joints,
+    add_relative,
     momentum_rows,
 )
 from harpy_pin.wbc.giving_way import outside, share_of_least_force, share_of_swing
@@ -131,6 +132,7 @@ def _eliminate(d: DynamicsRecord, t: TargetsRecord, p: CondensedRecord, v: Vecto
         momentum_rows(d, p.momentum, n, p.configuration, v)
     eliminate(e)
     root_equations(e, n.compliance, n.demand)
+    add_relative(d, e, p.frames, n, p.configuration)
 
 
 @kernel

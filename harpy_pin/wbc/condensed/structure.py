@@ -60,12 +60,17 @@ def determined_limbs(robot: Robot, task_bodies: Sequence[int] = ()) -> dict[int,
     return limbs
 
 
-def limbs_record(robot: Robot, limbs: dict[int, list[int]]) -> Records[LimbsRecord]:
-    """A new :class:`LimbsRecord` of what :func:`determined_limbs` found."""
+def limbs_record(
+    robot: Robot, limbs: dict[int, list[int]], *, relative: int
+) -> Records[LimbsRecord]:
+    """A new :class:`LimbsRecord` of what :func:`determined_limbs` found, with a number of rows of
+    relative tasks.
+    """
     points = robot.corners[next(iter(limbs))] if limbs else 1
     firsts = np.cumsum((0, *robot.corners))
     joints = _JOINTS.get(points, 6)
     sizes = {**robot.sizes, "limbs": len(limbs), "j": joints, "r": 3 * points}
+    sizes["relative"] = relative
     beside = [
         point
         for foot in range(len(robot.corners))
@@ -129,15 +134,15 @@ def tree_paths(model: pin.Model) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
 
 
 def elimination_record(
-    robot: Robot, limbs: dict[int, list[int]], *, compliance: float, task_bodies: Sequence[int] = ()
+    robot: Robot, limbs: dict[int, list[int]], *, task_bodies: Sequence[int] = (), relative: int = 0
 ) -> tuple[Records[EliminationRecord], NDArray[np.int64]]:
     """A new :class:`EliminationRecord`, and the first row of each foot on none of the limbs.
 
     Args:
         robot: any.
         limbs: that are eliminated before.
-        compliance: of the contact rows.
         task_bodies: that tasks of frames are on.
+        relative: rows of relative tasks.
     """
     depth, path = tree_paths(robot.model)
     before = {column for columns in limbs.values() for column in columns}
@@ -164,7 +169,7 @@ def elimination_record(
     width = int(depth[order].max(initial=ROOT - 1)) + 1
     system = make_record(
         EliminationRecord,
-        {**robot.sizes, "width": width, "rows": len(row_end)},
+        {**robot.sizes, "width": width, "rows": len(row_end), "relative": relative},
         order=order,
         depth=depth,
         path=np.ascontiguousarray(path[:, :width]),
@@ -172,7 +177,6 @@ def elimination_record(
         branch=np.array(on, dtype=np.int64),
         first_row=np.array(first_row, dtype=np.int64),
         row_end=np.array(row_end, dtype=np.int64),
-        compliance=np.full(len(row_end), compliance),
     )
     return system, first
 

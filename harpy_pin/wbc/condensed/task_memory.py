@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
+import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from harpy_pin import checks
@@ -25,13 +26,16 @@ KINDS = (FrameTask, JointTask, CentreOfMassTask, MomentumTask)
 
 
 class TaskRecords(NamedTuple):
-    """Records of tasks, and the bodies that tasks of frames and of joints are on."""
+    """Records of tasks, the bodies of frames whose rows are on one path, those that other tasks are
+    on, and the number of rows that are on two.
+    """
 
     frames: Records[FrameTasksRecord]
     joints: Records[JointTasksRecord]
     momentum: Records[MomentumTasksRecord]
-    frame_bodies: list[int]
-    joint_bodies: list[int]
+    filling: list[int]
+    others: list[int]
+    relative: int
 
 
 def known_tasks(tasks: Sequence[object]) -> list[AnyTask]:
@@ -75,7 +79,17 @@ def task_records(robot: Robot, tasks: Sequence[AnyTask], *, width: int) -> TaskR
         checks.one_of("joint", joint, robot.joints)
     columns = [ROOT + robot.joints.index(joint) for joint in joints]
     bodies = [frame.parentJoint - 1 for frame in frames]
-    sizes = {"frames": len(frames), "joint_rows": len(joints), "width": width}
+    on_root = [None if task.root is None else robot.frame_id(task.root) for task in framed]
+    roots = [pin.Frame() if at is None else model.frames[at] for at in on_root]
+    root_bodies = [-1 if at is None else model.frames[at].parentJoint - 1 for at in on_root]
+    relative = [
+        (n, row)
+        for n, task in enumerate(framed)
+        if task.root is not None
+        for row in range(6)[task._rows]
+    ]
+    pairs = np.array(relative, dtype=np.int64).reshape(-1, 2).T.copy()
+    sizes = {"frames": len(frames), "joint_rows": len(joints), "width": width, "nv": model.nv}
     return TaskRecords(
         make_record(
             FrameTasksRecord,
@@ -84,12 +98,21 @@ def task_records(robot: Robot, tasks: Sequence[AnyTask], *, width: int) -> TaskR
             offset=np.array([frame.placement.translation for frame in frames]).reshape(-1, 3),
             turn=np.array([frame.placement.rotation for frame in frames]).reshape(-1, 3, 3),
             local=np.array([task.axes == "local" for task in framed], dtype=np.int64),
+            root=np.array(root_bodies, dtype=np.int64),
+            root_offset=np.array([root.placement.translation for root in roots]).reshape(-1, 3),
+            root_turn=np.array([root.placement.rotation for root in roots]).reshape(-1, 3, 3),
+            relative_task=pairs[0],
+            relative_row=pairs[1],
             rotation=np.tile(np.eye(3), (len(frames), 1, 1)),
         ),
         make_record(JointTasksRecord, sizes, column=np.array(columns, dtype=np.int64)),
         make_record(MomentumTasksRecord, sizes),
-        bodies,
-        [column - ROOT + 1 for column in columns],
+        [body for body, at in zip(bodies, on_root, strict=True) if at is None],
+        [
+            *(column - ROOT + 1 for column in columns),
+            *(body for n, _ in relative for body in (bodies[n], root_bodies[n])),
+        ],
+        len(relative),
     )
 
 

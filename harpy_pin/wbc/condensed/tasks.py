@@ -4,7 +4,9 @@ A task of a frame or of joints asks for accelerations J a ≈ b with
 
     b = acceleration + k_p (reference − measured) + k_d (velocity − measured) − J̇ v
 
-and adds Jᵀ W J to H and Jᵀ W b to g, on the path from the root to its body alone. The centre of
+and adds Jᵀ W J to H and Jᵀ W b to g, on the path from the root to its body alone. One of the pose
+of a frame relative to another has rows on two paths. They are eliminated last, as a limit is: each
+is an unknown more in the search, x a = b + ν / w. The centre of
 mass and the angular momentum about it follow from the wrench y on the root, m c̈ = R y_f + m g and
 L̇ = R (y_m − c × y_f), so that their tasks are rows X of y. A contact asks for the acceleration
 that brings its foot to rest, of a point or of a whole sole.
@@ -24,7 +26,14 @@ from harpy_pin.model.record import RecordOf, sized
 from harpy_pin.model.state import Vector
 from harpy_pin.model.tree import UNBOUNDED, TreeRecord
 from harpy_pin.model.vectors import log, skew
-from harpy_pin.wbc.condensed.elimination import ROOT, SIDES, TARGETS, EliminationRecord
+from harpy_pin.wbc.condensed.elimination import (
+    ROOT,
+    SIDES,
+    TARGETS,
+    EliminationRecord,
+    eliminate_last,
+    last_equation,
+)
 from harpy_pin.wbc.newton import NewtonRecord
 
 MOMENTA = 6
@@ -37,7 +46,12 @@ class FrameTasksRecord(RecordOf):
     body: NDArray[np.int64]  # (frames,) that each is fixed to
     offset: Vector  # (frames, 3) its origin there, m
     turn: Vector  # (frames, 3, 3) its axes there
-    local: NDArray[np.int64]  # (frames,) 1 where rows are in the frame's axes, 0 in the world's
+    local: NDArray[np.int64]  # (frames,) 1 where rows are in the frame's axes, 0 in the root's
+    root: NDArray[np.int64]  # (frames,) body that each is relative to; −1 for the world
+    root_offset: Vector  # (frames, 3) origin of the root there, m
+    root_turn: Vector  # (frames, 3, 3) its axes there
+    relative_task: NDArray[np.int64]  # (relative,) of each row of a relative task
+    relative_row: NDArray[np.int64]  # (relative,) among the six of that task
     weight: Vector = sized("frames", 6)
     position: Vector = sized("frames", 3)  # m
     rotation: Vector = sized("frames", 3, 3)
@@ -46,6 +60,8 @@ class FrameTasksRecord(RecordOf):
     stiffness: Vector = sized("frames", 6)  # k_p, 1/s²
     damping: Vector = sized("frames", 6)  # k_d, 1/s
     jacobian: Vector = sized(6, "width")  # of one frame, packed along its path
+    other: Vector = sized(6, "width")  # of the body that it is relative to
+    row: Vector = sized("nv")  # of a relative task
     velocity_now: Vector = sized(6)  # of one frame
     drift: Vector = sized(6)  # J̇ v of one frame
     wanted: Vector = sized(6)  # b of one frame
@@ -87,6 +103,7 @@ class ContactsRecord(RecordOf):
     held: Vector = sized("contacts", fill=1.0)  # 1 where the foot is on the ground
     acceleration: Vector = sized("contacts", 6)  # wanted besides, world axes
     damping: float  # of the foot's velocity, 1/s
+    compliance: float  # ρ
     frame: Vector = sized(
         "feet", 3, 3
     )  # axes of each point's contact in the world; the third is the normal
@@ -99,7 +116,7 @@ def frame_terms(
     """Jacobian, velocity and drift of a frame at p of body i, base axes, in ``axes`` (3, 3) given
     there.
     """
-    end, twist, drift = ROOT - 1 if i == 0 else t.column[i], t.twist[i], t.drift[i]
+    end, twist, drift = _end(t, i), t.twist[i], t.drift[i]
     velocity = twist[:3] + np.cross(twist[3:], p)
     f.velocity_now[:3], f.velocity_now[3:] = axes.T @ velocity, axes.T @ twist[3:]
     lifted = drift[:3] + t.rotation.T @ t.gravity
@@ -114,25 +131,76 @@ def frame_terms(
 
 
 @kernel
+def frame_rows(
+    d: DynamicsRecord, e: EliminationRecord, f: FrameTasksRecord, n: int, q: Vector
+) -> None:
+    """Rows of task n of the frames, and b.
+
+    Relative to a frame, they are the rows of the one body less those of the other at the same
+    point.
+    """
+    t, i, root = d.tree, f.body[n], f.root[n]
+    p, turn = t.position[i] + t.axes[i] @ f.offset[n], t.axes[i] @ f.turn[n]
+    origin, own, axes = np.empty((3,)), np.empty((3, 3)), np.empty((3, 3))
+    error, velocity, drift = np.empty((6,)), np.empty((6,)), np.empty((6,))
+    if root < 0:
+        origin[:], own[:] = -(t.rotation.T @ q[:3]), t.rotation.T
+    else:
+        origin[:] = t.position[root] + t.axes[root] @ f.root_offset[n]
+        own[:] = t.axes[root] @ f.root_turn[n]
+    axes[:] = turn if f.local[n] else own
+    if root >= 0:
+        frame_terms(t, e, f, root, p, axes)
+        f.other[:], velocity[:], drift[:] = f.jacobian, f.velocity_now, f.drift
+    frame_terms(t, e, f, i, p, axes)
+    if root >= 0:
+        f.velocity_now -= velocity
+        f.drift[:3] -= drift[:3] + 2.0 * np.cross(velocity[3:], f.velocity_now[:3])
+        f.drift[3:] -= drift[3:] + np.cross(velocity[3:], f.velocity_now[3:])
+    error[:3] = axes.T @ (origin + own @ f.position[n] - p)
+    error[3:] = axes.T @ own @ log(f.rotation[n] @ turn.T @ own)
+    f.wanted[:] = f.acceleration[n] + f.damping[n] * (f.velocity[n] - f.velocity_now) - f.drift
+    f.wanted += f.stiffness[n] * error
+
+
+@kernel
 def add_frame(
     d: DynamicsRecord, e: EliminationRecord, f: FrameTasksRecord, n: int, q: Vector
 ) -> None:
-    """Task n of the frames."""
-    t, i = d.tree, f.body[n]
-    p = t.position[i] + t.axes[i] @ f.offset[n]
-    turn = t.rotation @ t.axes[i] @ f.turn[n]
-    axes, error = np.empty((3, 3)), np.empty((6,))
-    axes[:] = t.axes[i] @ f.turn[n] if f.local[n] else t.rotation.T
-    frame_terms(t, e, f, i, p, axes)
-    to_world = t.rotation @ axes
-    error[:3] = to_world.T @ (f.position[n] - q[:3] - t.rotation @ p)
-    error[3:] = to_world.T @ log(f.rotation[n] @ turn.T)
-    f.wanted[:] = f.acceleration[n] + f.damping[n] * (f.velocity[n] - f.velocity_now) - f.drift
-    f.wanted += f.stiffness[n] * error
-    end = ROOT - 1 if i == 0 else t.column[i]
-    for r in range(6):
-        if f.weight[n, r] != 0.0:
-            add_row(e, f.jacobian[r], end, f.weight[n, r], f.wanted[r])
+    """Task n of the frames, unless it is relative to a frame."""
+    if f.root[n] < 0:
+        frame_rows(d, e, f, n, q)
+        for r in range(6):
+            if f.weight[n, r] != 0.0:
+                add_row(e, f.jacobian[r], _end(d.tree, f.body[n]), f.weight[n, r], f.wanted[r])
+
+
+@kernel
+def add_relative(
+    d: DynamicsRecord, e: EliminationRecord, f: FrameTasksRecord, n: NewtonRecord, q: Vector
+) -> None:
+    """All rows of relative tasks, x a = b + ν / weight, after :func:`root_equations`."""
+    t = d.tree
+    for k in range(f.relative_task.shape[0]):
+        i, r, at = f.relative_task[k], f.relative_row[k], ROOT + k
+        if k == 0 or f.relative_task[k - 1] != i:
+            frame_rows(d, e, f, i, q)
+        end, other = _end(t, f.body[i]), _end(t, f.root[i])
+        f.row[:] = 0.0
+        for j in range(e.depth[end] + 1):
+            f.row[e.path[end, j]] += f.jacobian[r, j]
+        for j in range(e.depth[other] + 1):
+            f.row[e.path[other, j]] -= f.other[r, j]
+        eliminate_last(e, k, f.row)
+        last_equation(e, k, n.compliance, n.demand)
+        n.demand[at] -= f.wanted[r]
+        n.compliance[at, at] += 1.0 / max(f.weight[i, r], 1e-30)
+
+
+@kernel
+def _end(t: TreeRecord, i: int) -> int:
+    """The last degree of freedom that moves body i."""
+    return ROOT - 1 if i == 0 else t.column[i]
 
 
 @kernel

@@ -44,6 +44,10 @@ class WholeBodyStatus(IntEnum):
     """
     INVALID = 2
     """State or targets were not possible numbers: the solution is that of the last good tick."""
+    CONTACTS_YIELDED = 3
+    """No motion within the limits keeps the feet where they are wanted: the optimum in which they
+    give way, with the weight 1000 of the squares of their accelerations.
+    """
 
 
 STATUS = tuple(WholeBodyStatus)
@@ -215,9 +219,9 @@ def _record(
     firsts = np.cumsum((0, *robot.corners))
     own = task_records(robot, tasks, width=tree_paths(model)[1].shape[1])
     system, first_row = elimination_record(
-        robot, {}, compliance=COMPLIANCE, task_bodies=own.frame_bodies
+        robot, {}, task_bodies=own.filling, relative=own.relative
     )
-    sizes = {**robot.sizes, "contacts": len(robot.corners)}
+    sizes = {**robot.sizes, "contacts": len(robot.corners), "relative": own.relative}
     places = np.split(
         np.array([corner.placement.translation for corner in corners]).reshape(-1, 3), firsts[1:-1]
     )
@@ -246,9 +250,10 @@ def _record(
             row_count=np.array([3 if n == 1 else 6 for n in robot.corners], dtype=np.int64),
             frame=np.tile(np.eye(3), (points, 1, 1)),
             damping=settings["contact_damping"],
+            compliance=COMPLIANCE,
         ),
         regularisation=settings["regularisation"],
-        limbs=limbs_record(robot, {}),
+        limbs=limbs_record(robot, {}, relative=own.relative),
         system=system,
         newton=newton,
         limits=limits_record(

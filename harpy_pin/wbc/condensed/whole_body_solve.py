@@ -33,6 +33,7 @@ from harpy_pin.wbc.condensed.tasks import (
     add_contact,
     add_frame,
     add_joints,
+    add_relative,
     contact_forces_map,
     momentum_rows,
     upright,
@@ -42,7 +43,9 @@ from harpy_pin.wbc.optimum import find_forces, forget
 
 ROUNDS = 8
 """How often limits that are violated enter, at most."""
-OPTIMAL, SUBOPTIMAL, INVALID, WRONG_SHAPE = 0, 1, 2, -1
+YIELDING = 1e-3
+"""Compliance of contacts that no motion within the limits keeps."""
+OPTIMAL, SUBOPTIMAL, INVALID, CONTACTS_YIELDED, WRONG_SHAPE = 0, 1, 2, 3, -1
 
 
 class WholeBodyRecord(RecordOf):
@@ -71,23 +74,19 @@ def solve_whole_body(r: WholeBodyRecord, q: Vector, v: Vector) -> int:
     """One optimum, of the state q (nq,), v (nv,): terms, tasks, elimination, forces, motion,
     torques; again with the limits that these violate.
     """
-    d, e, b, n = r.dynamics, r.system, r.limbs, r.newton
-    verdict = update_terms(d, q, v)
+    e, n = r.system, r.newton
+    verdict = update_terms(r.dynamics, q, v)
     if verdict == MISFIT:
         return WRONG_SHAPE
-    assemble(r, q, v)
-    eliminate(e)
-    root_equations(e, n.compliance, n.demand)
     joint_ends(r.limits, q, v)
-    begin_limits(r.limits, d, e, b, n)
     n.steps = 0
-    found, more = False, True
-    for _ in range(ROUNDS):
-        if more:
-            found = find_forces(n)
-            move(d, e, b, n, r.joint_torque, False)  # feet may contradict each other
-            more = add_violated(r.limits, d, e, b, n, r.joint_torque)
-    found = within_limits(r.limits, r.joint_torque) and found and not more
+    found, status = _within_limits(r, q, v, r.contacts.compliance), OPTIMAL
+    if not found:
+        steps, n.steps = n.steps, 0
+        forget(n)
+        found = _within_limits(r, q, v, YIELDING)
+        n.steps += steps
+        status = CONTACTS_YIELDED if found else SUBOPTIMAL
     if verdict != GOOD or not (all_finite(e.acceleration) and all_finite(r.joint_torque)):
         forget(n)
         return INVALID
@@ -95,10 +94,30 @@ def solve_whole_body(r: WholeBodyRecord, q: Vector, v: Vector) -> int:
     r.force[:] = n.force
     if not upright(r.contacts.frame):
         to_worlds(r.contacts.frame, r.force.reshape((n.held.shape[0], 3)))
-    if not found:
+    if status != OPTIMAL:
         forget(n)
-        return SUBOPTIMAL
-    return OPTIMAL
+    return status
+
+
+@kernel
+def _within_limits(r: WholeBodyRecord, q: Vector, v: Vector, compliance: float) -> bool:
+    """Forces, motion and torques, with the limits that these violate, of contacts with a
+    compliance; whether it is the optimum.
+    """
+    d, e, b, n = r.dynamics, r.system, r.limbs, r.newton
+    e.compliance[:] = compliance
+    assemble(r, q, v)
+    eliminate(e)
+    root_equations(e, n.compliance, n.demand)
+    add_relative(d, e, r.frames, n, q)
+    begin_limits(r.limits, d, e, b, n)
+    found, more = False, True
+    for _ in range(ROUNDS):
+        if more:
+            found = find_forces(n)
+            move(d, e, b, n, r.joint_torque, False)  # feet may contradict each other
+            more = add_violated(r.limits, d, e, b, n, r.joint_torque)
+    return within_limits(r.limits, r.joint_torque) and found and not more
 
 
 @kernel

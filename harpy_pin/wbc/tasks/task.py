@@ -191,9 +191,14 @@ class JointTask(MotionTask):
 class FrameTask(MotionTask):
     """Acceleration of a frame of the robot: of its origin, of its axes, or of both (linear first).
 
+    It is that in the world, or that of the pose relative to another frame, ``root``, such as of one
+    hand in the axes of the other.
+
     Args:
         frame: its name in the model: a link, a joint, a foot, a thruster.
         part: ``position``, ``orientation`` or ``both``.
+        root: name of the frame in whose axes positions, rotations and ``world`` axes are; None for
+            the world.
         axes: in which the rows are written: ``world``, or ``local`` for those of the frame.
         position: (3,) where the origin should be, world, m.
         rotation: (3, 3) frame to world as it should be.
@@ -215,6 +220,7 @@ class FrameTask(MotionTask):
         frame: str,
         *,
         part: str = "position",
+        root: str | None = None,
         axes: str = "world",
         position: ArrayLike | None = None,
         rotation: ArrayLike | None = None,
@@ -224,7 +230,7 @@ class FrameTask(MotionTask):
     ) -> None:
         checks.one_of("part", part, PARTS)
         checks.one_of("axes", axes, AXES)
-        self.frame, self.part, self.axes = frame, part, axes
+        self.frame, self.part, self.root, self.axes = frame, part, root, axes
         self._rows = PARTS[part]
         super().__init__(self._rows.stop - self._rows.start, velocity, acceleration, gains)
         if part != "orientation":
@@ -238,28 +244,45 @@ class FrameTask(MotionTask):
             check_stiffness("rotation", self.gains)
         self._model: Any = None
         self._data: Any = None
-        self._frame = 0
+        self._frames: list[int] = []
 
     @checked
     def rows(self, dynamics: Dynamics, state: State) -> tuple[Vector, Vector]:
         """See :meth:`Task.rows`."""
         model = dynamics.model
         if self._model is not model:
-            self._frame = dynamics.robot.frame_id(self.frame)
+            names = (self.frame,) if self.root is None else (self.frame, self.root)
+            self._frames = [dynamics.robot.frame_id(name) for name in names]
             self._model, self._data = model, model.createData()
-        data, frame, world = self._data, self._frame, pin.LOCAL_WORLD_ALIGNED
-        jacobian = pin.computeFrameJacobian(model, data, state.q, frame, world)
+        data, world = self._data, pin.LOCAL_WORLD_ALIGNED
+        pin.computeJointJacobians(model, data, state.q)
         pin.forwardKinematics(model, data, state.q, state.v, np.zeros(model.nv))
-        place = pin.updateFramePlacement(model, data, frame)
-        drift = pin.getFrameClassicalAcceleration(model, data, frame, world).vector
+        place, *roots = (pin.updateFramePlacement(model, data, frame) for frame in self._frames)
+        jacobian, *others = (
+            pin.getFrameJacobian(model, data, frame, world) for frame in self._frames
+        )
+        drift, *drifts = (
+            pin.getFrameClassicalAcceleration(model, data, frame, world).vector
+            for frame in self._frames
+        )
+        root = pin.SE3.Identity()
+        for root, other, moved in zip(roots, others, drifts, strict=True):  # at the frame's origin
+            arm, turning = place.translation - root.translation, other[3:] @ state.v
+            jacobian = jacobian - other
+            jacobian[:3] += pin.skew(arm) @ other[3:]
+            linear, angular = (jacobian @ state.v).reshape(2, 3)
+            drift = drift - moved
+            drift[:3] += np.cross(arm, moved[3:]) - np.cross(turning, np.cross(turning, arm))
+            drift[:3] -= 2.0 * np.cross(turning, linear)
+            drift[3:] -= np.cross(turning, angular)
         error = np.zeros(6)
         if self.position is not None:
-            error[:3] = self.position - place.translation
+            error[:3] = root.act(self.position) - place.translation
         if self.rotation is not None:
-            error[3:] = pin.log3(self.rotation @ place.rotation.T)
+            error[3:] = root.rotation @ pin.log3(self.rotation @ place.rotation.T @ root.rotation)
         stacked = np.column_stack((jacobian, jacobian @ state.v, drift, error))
-        if self.axes == "local":
-            stacked = (place.rotation.T @ stacked.reshape(2, 3, -1)).reshape(6, -1)
+        axes = place.rotation if self.axes == "local" else root.rotation
+        stacked = (axes.T @ stacked.reshape(2, 3, -1)).reshape(6, -1)
         stacked = stacked[self._rows]
         velocity, drift, error = stacked[:, -3:].T
         return stacked[:, :-3], self.desired(error, velocity) - drift
