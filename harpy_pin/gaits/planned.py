@@ -48,6 +48,8 @@ FASTEST, HARDEST = 10.0, 100.0
 """Largest velocity and acceleration in a plan, m/s and m/s², also that of a foot's force alone."""
 SPIN, BEND = 30.0, 1000.0
 """The same of angular ones, rad/s and rad/s²."""
+import os
+RISE=float(os.environ.get("RISE","0.5")); LIFT=float(os.environ.get("LIFT","0")); EARLY=float(os.environ.get("EARLY","0")); DESCENT=float(os.environ.get("DESCENT","0")); FALLS=int(os.environ.get("FALLS","0"))
 ROUNDING = 1e-9
 """Of times, s."""
 WALK = WalkingParameters()
@@ -340,7 +342,13 @@ class PlannedGait(Gait):
             place = place + origin - centre_place
             velocity = velocity + origin_velocity - centre_velocity
         target.centre_of_mass[:] = centre
-        target.body[:] = np.concatenate((place, velocity, now.acceleration))
+        acceleration = now.acceleration
+        falls = FALLS and not ((state.foot_force[:, 2] > 1.0) | (now.contact & (state.foot_position[:, 2] <= now.foothold[:, 2]))).any()
+        if falls:
+            place, velocity = self._measured(False, state)
+            acceleration = np.array([0.0, 0.0, -GRAVITY])
+            target.centre_of_mass[:] = 1.0
+        target.body[:] = np.concatenate((place, velocity, acceleration))
         target.up[:] = up = now.rotation[:, 2]
         ahead = now.rotation[:, 0]  # turned upright by the shortest rotation it shows the heading
         x, y = ahead[:2] - ahead[2] / (1.0 + up[2]) * up[:2]
@@ -361,7 +369,7 @@ class PlannedGait(Gait):
                 motion[:, k] = self._foot[k]
         target.foot_position[:] = motion[0] - place
         target.foot_velocity[:] = motion[1] - velocity
-        target.foot_acceleration[:] = motion[2] - now.acceleration
+        target.foot_acceleration[:] = motion[2] - acceleration
 
     def _is_in_air(self, k: int, contact: bool, now: PlannedMoment, state: State) -> bool:
         """Whether foot k swings; it begins to where the plan says so and leaves it the time."""
@@ -386,6 +394,8 @@ class PlannedGait(Gait):
         x, y, height = self._goal[k].tolist()
         goal = x, y, height - WALK.penetration_offset
         apex = max(self._height[k], height) + self.clearance
-        rise = left - 0.5 * (lands - lifted)
-        self._foot[k] = on_its_way(self._foot[k], goal, step, left, rise, apex)
+        rise = left - (1.0-RISE) * (lands - lifted)
+        if lifted == self._time and LIFT:
+            self._foot[k][2,2] = LIFT*(apex-self._height[k])/(RISE*(lands-lifted))**2
+        self._foot[k] = on_its_way(self._foot[k], goal, step, left, rise, apex, EARLY * (lands - lifted), DESCENT)
         return min((self._time - lifted) / (lands - lifted), 1.0)

@@ -60,15 +60,18 @@ def swing(
 
 
 def on_its_way(
-    foot: Vector, goal: Sequence[float], t: float, left: float, rise: float, apex: float
+    foot: Vector, goal: Sequence[float], t: float, left: float, rise: float, apex: float,
+    early: float = 0.0, descent: float = 0.0,
 ) -> Vector:
     """:func:`swing` without its checks, from a state (3, 3)."""
     x, y, z = foot.T.tolist()
-    ends = [toward(*x, goal[0], left, t), toward(*y, goal[1], left, t)]
+    ends = [toward(*x, goal[0], left - early, t), toward(*y, goal[1], left - early, t)]
     if t < rise:
         ends.append(toward(*z, apex, rise, t))
-    elif rise > 0.0:
-        ends.append(toward(apex, 0.0, 0.0, goal[2], left - rise, t - rise))
-    else:
-        ends.append(toward(*z, goal[2], left, t))
+        return np.array(ends).T
+    if rise > 0.0:
+        z, left, t = [apex, 0.0, 0.0], left - rise, t - rise
+    # In axes that come down with the foot it ends at rest
+    place, velocity, bend = toward(z[0] - descent * left, z[1] + descent, z[2], goal[2], left, t)
+    ends.append((place + descent * (left - t), velocity - descent, bend))
     return np.array(ends).T

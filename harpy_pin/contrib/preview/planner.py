@@ -272,7 +272,8 @@ class Preview:
         rotations = [body.rotation, *(turn @ pin.exp3(tilt) for tilt in motion[0, 1:, 3:])]
         return Plan(
             times=t + ahead.times,
-            position=place + motion[0, :, :3] @ turn.T,
+            position=place + (body.centre + motion[0, :, :3]) @ turn.T,
+            centre_of_mass=True,
             velocity=motion[1, :, :3] @ turn.T,
             acceleration=bends[:, :3] @ turn.T,
             orientation=[pin.Quaternion(rotation).coeffs() for rotation in rotations],
