@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import hypot, isfinite
+from math import hypot, isfinite, sqrt
 
 import numpy as np
 import pinocchio as pin
@@ -49,6 +49,10 @@ MOST_TURN = 2.5
 """Largest turning velocity, rad/s."""
 ASTRAY = 0.2
 """How far the heading may be behind, rad."""
+GRIP = 0.6
+"""Of the friction coefficient that a turn may need for the acceleration inwards."""
+GAITS = ("trot", "bound", "pronk")
+"""Which feet step together: diagonal ones, those of a pair of legs, or all."""
 LONGEST_GAP = 0.1
 """Time that counts between two plans, at most, s."""
 PUSHED = 0.2
@@ -72,6 +76,8 @@ class Preview:
         mu: friction coefficient of the ground.
         max_speed: largest velocity, m/s, to which a command is scaled down; by default that at
             which the stride asks 1.15 times as much of a motor as it has: swing feet give way.
+        gait: which feet step together: those of a diagonal ("trot"), of a pair of legs ("bound"),
+            or all ("pronk").
 
     Attributes:
         robot: whose.
@@ -92,6 +98,7 @@ class Preview:
         *,
         mu: float = 0.6,
         max_speed: float | None = None,
+        gait: str = "trot",
     ) -> None:
         checks.instance("robot", robot, Robot)
         if robot.corners != (1, 1, 1, 1) or any(len(leg.joints) != 3 for leg in legs(robot)):
@@ -111,7 +118,9 @@ class Preview:
         self._body = SingleBody(robot, q)
         self._hips = build.place * [1.0, 1.0, 0.0]
         places = self._hips[:, :2] - self._hips[:, :2].mean(axis=0)
-        self._offset: Vector = groups_of("trot", places) / 2.0
+        self.gait = checks.one_of("gait", gait, GAITS)
+        together = gait == "pronk"
+        self._offset: Vector = groups_of("stand" if together else gait, places) / 2.0
         stride = Stride(robot, q, leg=build.leg, clearance=walk.clearance * build.leg)
         fastest = FASTEST * float(np.sqrt(GRAVITY * build.leg))
         speeds = np.linspace(0.0, fastest, SPEEDS)
@@ -196,6 +205,8 @@ class Preview:
         wanted = self.command if all(map(isfinite, self.command.tolist())) else self.applied
         speed = hypot(*wanted[:2])
         share = min(1.0, self.max_speed / max(speed, 1e-9), MOST_TURN / max(abs(wanted[2]), 1e-9))
+        inwards = share**2 * speed * abs(wanted[2])  # m/s²
+        share *= min(1.0, sqrt(GRIP * self.mu * GRAVITY / max(inwards, 1e-9)))
         most = np.array([ACCELERATION, ACCELERATION, TURN_ACCELERATION]) * step
         self.applied += np.clip(share * wanted - self.applied, -most, most)
         yaw = self._body.yaw
@@ -211,7 +222,8 @@ class Preview:
         going = bool(self.command.any() or self.applied.any())
         pushed = hypot(*self._body.motion[1, :2]) > PUSHED * GRAVITY * self._natural
         if self._stands and (going or pushed):
-            self._stands, self._phase = False, duty  # one pair is lifted
+            self._stands = False
+            self._phase = duty if self._offset.any() else 0.0  # one pair is lifted, or all jump
         elif not self._stands:
             self._phase += step / (stance + swing)
             held = (self._phase + self._offset) % 1.0 < duty
