@@ -27,9 +27,10 @@ def swing(
     """State of a swing foot after a time.
 
     Each coordinate is a polynomial of fifth order that ends at rest, without acceleration: x and y
-    at the goal, z first at the highest point, then at the goal, where it may come down steadily. Such a polynomial that begins anew
-    on its way is the same one. So this may be called once for a whole swing, or at every tick from
-    the last state on, with a goal, or a time of landing, that changes.
+    at the goal, z first at the highest point, then at the goal, where it may come down steadily.
+    Such a polynomial that begins anew on its way is the same one. So this may be called once for a
+    whole swing, or at every tick from the last state on, with a goal, or a time of landing, that
+    changes.
 
     Args:
         foot: (3,) where the foot is lifted, at rest, m; or (3, 3) its position (m), velocity (m/s)
@@ -88,9 +89,7 @@ def on_its_way(
         z, left, t = [apex, 0.0, 0.0], left - rise, t - rise
     # In axes that come down with the foot it ends at rest
     height, velocity, acceleration = z
-    ends.append(
-        toward(height - descent * left, velocity + descent, acceleration, goal[2], left, t)
-    )
+    ends.append(toward(height - descent * left, velocity + descent, acceleration, goal[2], left, t))
     way = np.array(ends).T
     way[:2, 2] += descent * (left - t), -descent
     return way
