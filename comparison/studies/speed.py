@@ -175,13 +175,15 @@ def force_errors(run: hp.Run) -> tuple[float, float]:
     """Root mean squares of the WBC's forces less the planned ones where feet stand, N: of all, and
     of the part that changes neither their sum nor their moment.
     """
+    names = ("held", "stance", "foot_position", "desired_force", "planned_force")
     square, free, count = 0.0, 0.0, 0
-    for k in range(0, len(run), EVERY):
-        feet = np.flatnonzero(run["held"][k])
-        if len(feet) and (run["held"][k] == run["stance"][k]).all():
-            off = (run["desired_force"][k] - run["planned_force"][k])[feet].ravel()
-            arms = run["foot_position"][k][feet]
-            both = np.hstack([np.vstack((np.eye(3), pin.skew(arm - arms[0]))) for arm in arms])
+    for held, stance, place, found, planned in zip(
+        *(run[name][::EVERY] for name in names), strict=True
+    ):
+        feet = np.flatnonzero(held)
+        if len(feet) and (held == stance).all():
+            off, arms = (found - planned)[feet].ravel(), place[feet] - place[feet[0]]
+            both = np.hstack([np.vstack((np.eye(3), pin.skew(arm))) for arm in arms])
             inside = off - np.linalg.pinv(both) @ (both @ off)
             square, free, count = square + off @ off, free + inside @ inside, count + len(off)
     return tuple(np.sqrt(np.array([square, free]) / max(count, 1)).tolist())
