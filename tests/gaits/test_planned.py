@@ -195,6 +195,42 @@ def test_swing_is_made_of_the_quintics():
             swing(foot, goal, 0.1, **{"left": 0.2, "apex": 1.0} | wrong)
 
 
+def test_swing_that_lands_early_and_going_down():
+    """x and y by the quintic of a shorter time; z by the one in axes that come down."""
+    rng = np.random.default_rng(4)
+    foot, goal = rng.normal(size=(3, 3)), rng.normal(size=3)
+    kind = {"early": 0.05, "descent": 0.4}
+    ways = [quintic(foot[:, i], (goal[i], 0.0, 0.0), 0.25) for i in range(2)]
+    up = quintic(foot[:, 2], (1.5, 0.0, 0.0), 0.1)
+    down = quintic((1.5, 0.0, 0.0), (goal[2], -0.4, 0.0), 0.2)
+    ticked, ticks = foot, np.linspace(0.0, 0.3, 61)
+    for last, t in pairwise(ticks):
+        found = swing(foot, goal, t, left=0.3, rise=0.1, apex=1.5, **kind)
+        height = (up, t) if t < 0.1 else (down, t - 0.1)
+        for i, (way, at) in enumerate(((ways[0], min(t, 0.25)), (ways[1], min(t, 0.25)), height)):
+            expected = [(way.deriv(d) if d else way)(at) for d in range(3)]
+            np.testing.assert_allclose(found[:, i], expected, atol=1e-6)
+        begun = {"left": 0.3 - last, "rise": 0.1 - last, "apex": 1.5}
+        ticked = swing(ticked, goal, t - last, **begun, **kind)
+        np.testing.assert_allclose(ticked[0], found[0], atol=1e-6)
+    later = swing(foot, goal, 0.35, left=0.3, rise=0.1, apex=1.5, **kind)
+    np.testing.assert_allclose(later, [goal - [0, 0, 0.02], [0, 0, -0.4], [0, 0, 0]], atol=1e-12)
+    for wrong in ({"early": -0.1}, {"early": np.nan}, {"descent": np.inf}):
+        with pytest.raises(hp.InputError):
+            swing(foot, goal, 0.1, left=0.2, apex=1.0, **wrong)
+
+
+@pytest.mark.parametrize("plant", QUICK_PLANTS)
+def test_feet_that_swing_land_once_without_sliding(plant):
+    """A trot at 1 m/s: no foot moves across the ground as it lands, and none is thrown up."""
+    run, _ = walk(Trot(go2(), (1.0, 0.0)), plant=plant, duration=3.0)
+    late = run["t"] > 1.0
+    steps = (np.diff(run["stance"][late], axis=0) > 0.0).sum()
+    assert 1e3 * np.ptp(run["slip_path"][late], axis=0).sum() / steps < 0.5
+    met = (np.diff((run["foot_force"][late, :, 2] > 0.0).astype(int), axis=0) > 0).sum()
+    assert met < 1.3 * steps
+
+
 def test_whole_body_controllers_ask_for_the_planned_motion():
     """A robot that moves as planned is asked for the planned accelerations, whichever they are."""
     rng, robot = np.random.default_rng(2), go2()
