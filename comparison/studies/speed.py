@@ -41,6 +41,7 @@ from comparison.study import (
     where,
 )
 from harpy_pin.contrib.preview import Preview
+from harpy_pin.gaits.planned import Planner
 from harpy_pin.simulation import GRAVITY
 
 MOTORS = hp.Actuators(torque_share=1.0, no_load_share=1.0, stall_share=5.0)
@@ -84,7 +85,7 @@ AGE = 0.02
 class Late:
     """A planner whose plans come when they are some time old."""
 
-    def __init__(self, planner: hp.Planner, age: float) -> None:
+    def __init__(self, planner: Planner, age: float) -> None:
         self.planner, self.age = planner, age
         self._coming: deque[tuple[float, hp.Plan | None]] = deque()
 
@@ -114,7 +115,8 @@ def gait_of(job: Job, friction: float) -> hp.Gait:
     velocity: Any = (speed, 0.0, MOST_TURN * (what == "turns"))
     if what in ("commands", "on the estimate"):
         rng = np.random.default_rng([job["seed"], job["start"], 1])
-        velocity = list(commands(rng, job["duration"], _command, least=0.5, most=2.5))
+        drawn = commands(rng, job["duration"], _command, least=0.5, most=2.5)
+        velocity = [(0.0, 0.0, 0.0, 0.0), *drawn]
     gait = OTHERS[what][0] if what in OTHERS else "trot"
     preview: Any = Preview(robot, velocity, mu=friction, max_speed=speed, gait=gait)
     planner = Late(preview, AGE) if what == "late plans" else preview
@@ -262,7 +264,7 @@ def _jobs(s: Any) -> Iterator[Job]:
         ("on the estimate", FAST, None, s.walks, s.duration),
         ("turns", 1.0, FRICTION, s.others, s.duration),
         ("late plans", (1.0, 2.5), FRICTION, s.others, s.duration),
-        ("pushes", 1.0, FRICTION, s.pushes, min(s.duration, WALKED + 3.0)),
+        ("pushes", 1.0, FRICTION, s.pushes, WALKED + 3.0),
     ):
         yield from grid(
             what=what, **who, speed=speeds, friction=(friction,), start=range(count),
@@ -343,7 +345,7 @@ STUDY = Study(
             "Largest speeds of Go2, m/s, by friction",
             row=lambda row: LABELS[row["walker"]],
             across="{friction:g}",
-            columns=largest,
+            columns=lambda rows: largest(rows) or 0.0,
             only=lambda row: row["what"] == "ahead" and row["robot"] == MEASURED,
         ),
         View(

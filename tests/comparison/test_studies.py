@@ -53,7 +53,7 @@ TINY: dict[str, dict[str, Any]] = {
     },
     "pushes": {"plants": ("compliant",)},
     "robots": {"robots": ("solo12", "solo8"), "duration": 1.0},
-    "speed": {"duration": 0.3},
+    "speed": {"duration": 0.3, "pushes": 0},
     "slopes": {
         "degrees": (0.0, 30.0),
         "frictions": (0.1, 0.8),

@@ -81,6 +81,7 @@ class Preview:
 
     Attributes:
         robot: whose.
+        gait: which feet step together.
         command: (3,) the velocity that is wanted; change it at any time.
         applied: (3,) that is followed, which changes gradually.
         max_speed: m/s.
@@ -118,9 +119,9 @@ class Preview:
         self._body = SingleBody(robot, q)
         self._hips = build.place * [1.0, 1.0, 0.0]
         places = self._hips[:, :2] - self._hips[:, :2].mean(axis=0)
-        self.gait = checks.one_of("gait", gait, GAITS)
-        together = gait == "pronk"
-        self._offset: Vector = groups_of("stand" if together else gait, places) / 2.0
+        checks.one_of("gait", gait, GAITS)
+        self.gait = gait
+        self._offset: Vector = groups_of("stand" if gait == "pronk" else gait, places) / 2.0
         stride = Stride(robot, q, leg=build.leg, clearance=walk.clearance * build.leg)
         fastest = FASTEST * float(np.sqrt(GRAVITY * build.leg))
         speeds = np.linspace(0.0, fastest, SPEEDS)
