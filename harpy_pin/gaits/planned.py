@@ -34,8 +34,15 @@ from harpy_pin.model.state import State, Vector
 SHORTEST = 0.05
 """Time that a foot needs at least for a swing, s: with less left it stays on the ground."""
 SETTLED = 0.03
-"""Time before its landing from which on a foot goes where it is going, whatever new plans say, s:
+"""Time before a foot is above its foothold from which on it goes there, whatever new plans say, s:
 it could not follow."""
+RISE, EARLY = 0.3, 0.06
+"""When a foot is highest, and how long before it lands it is above its foothold, as shares of its
+swing: one that moves across the ground where it leaves or meets it slips, and contacts that are
+convex throw it up.
+"""
+DESCENT = 0.25
+"""Velocity at which it lands, in √(g leg): one that lands at rest skims over the ground."""
 FUTURE = 0.1
 """How long before it begins a plan may come, s."""
 JUMP, TURN = 0.3, 0.5
@@ -125,6 +132,7 @@ class PlannedGait(Gait):
         self.planner, self.executor = planner, executor
         self.rate = checks.number("rate", rate, low=0.0, high=1e6, strict=True)
         self._leg = leg_length(robot)
+        self._descent = DESCENT * float(np.sqrt(GRAVITY * self._leg))
         default = WALK.clearance * self._leg if clearance is None else clearance
         self.clearance = checks.number("clearance", default, low=0.0)
         self.stand = WalkingGait(robot) if stand is None else stand
@@ -355,7 +363,7 @@ class PlannedGait(Gait):
         # Feet in world axes: one that should be on the ground is let down where it is
         motion = np.zeros((3, *state.foot_position.shape))
         motion[0] = state.foot_position
-        motion[1, :, 2] = -WALK.descent
+        motion[1, :, 2] = -self._descent
         for k, contact in enumerate(now.contact.tolist()):
             if self._is_in_air(k, contact, now, state):
                 target.stance[k] = 0.0
@@ -381,13 +389,19 @@ class PlannedGait(Gait):
     def _swing(self, k: int, foothold: Vector, step: float) -> float:
         """Bring a foot in the air to the present time; returns the share of its swing."""
         lifted, lands = self._lifted[k], self._lands[k]
-        step = min(step, self._time - lifted)
+        span, step = lands - lifted, min(step, self._time - lifted)
         left = lands - self._time + step
-        if left > SETTLED:
+        if left - EARLY * span > SETTLED:
             self._goal[k] = foothold
         x, y, height = self._goal[k].tolist()
-        goal = x, y, height - WALK.penetration_offset
-        apex = max(self._height[k], height) + self.clearance
-        rise = left - 0.5 * (lands - lifted)
-        self._foot[k] = on_its_way(self._foot[k], goal, step, left, rise, apex)
-        return min((self._time - lifted) / (lands - lifted), 1.0)
+        self._foot[k] = on_its_way(
+            self._foot[k],
+            (x, y, height - WALK.penetration_offset),
+            step,
+            left=left,
+            rise=left - (1.0 - RISE) * span,
+            apex=max(self._height[k], height) + self.clearance,
+            early=EARLY * span,
+            descent=self._descent,
+        )
+        return min((self._time - lifted) / span, 1.0)

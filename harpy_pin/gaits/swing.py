@@ -19,23 +19,29 @@ def swing(
     left: float,
     apex: float,
     rise: float | None = None,
+    early: float = 0.0,
+    descent: float = 0.0,
 ) -> Vector:
     """State of a swing foot after a time.
 
     Each coordinate is a polynomial of fifth order that ends at rest, without acceleration: x and y
-    at the goal, z first at the highest point, then at the goal. Such a polynomial that begins anew
-    on its way is the same one. So this may be called once for a whole swing, or at every tick from
-    the last state on, with a goal, or a time of landing, that changes.
+    at the goal, z first at the highest point, then at the goal, where it may come down steadily.
+    Such a polynomial that begins anew on its way is the same one. So this may be called once for a
+    whole swing, or at every tick from the last state on, with a goal, or a time of landing, that
+    changes.
 
     Args:
         foot: (3,) where the foot is lifted, at rest, m; or (3, 3) its position (m), velocity (m/s)
             and acceleration (m/s²) at present.
         goal: (3,) where it lands, m.
         t: time from the present on, s.
-        left: time from the present to the landing, s; from then on it rests at the goal.
+        left: time from the present to the landing, s; from then on it rests at the goal,
+            or goes on down.
         apex: height z of the highest point, m.
         rise: time from the present to the highest point, s, by default half of ``left``; zero or
             less where it has been there.
+        early: how long before the landing x and y are at the goal, s.
+        descent: velocity downwards at which it lands and goes on, m/s.
 
     Returns:
         (3, 3) position (m), velocity (m/s), acceleration (m/s²), in the axes of ``foot``.
@@ -54,19 +60,34 @@ def swing(
     if top > max(landing, 0.0):
         raise InputError("a foot is at its highest before it lands: rise ≤ left", name="rise")
     now, height = checks.number("t", t, low=0.0), checks.number("apex", apex)
-    return on_its_way(state, end, now, landing, top, height)
+    before, down = checks.number("early", early, low=0.0), checks.number("descent", descent)
+    return on_its_way(
+        state, end, now, left=landing, rise=top, apex=height, early=before, descent=down
+    )
 
 
 def on_its_way(
-    foot: Vector, goal: Sequence[float], t: float, left: float, rise: float, apex: float
+    foot: Vector,
+    goal: Sequence[float],
+    t: float,
+    *,
+    left: float,
+    rise: float,
+    apex: float,
+    early: float,
+    descent: float,
 ) -> Vector:
     """:func:`swing` without its checks, from a state (3, 3)."""
     x, y, z = foot.T.tolist()
-    ends = [toward(*x, goal[0], left, t), toward(*y, goal[1], left, t)]
+    ends = [toward(*x, goal[0], left - early, t), toward(*y, goal[1], left - early, t)]
     if t < rise:
         ends.append(toward(*z, apex, rise, t))
-    elif rise > 0.0:
-        ends.append(toward(apex, 0.0, 0.0, goal[2], left - rise, t - rise))
-    else:
-        ends.append(toward(*z, goal[2], left, t))
-    return np.array(ends).T
+        return np.array(ends).T
+    if rise > 0.0:
+        z, left, t = [apex, 0.0, 0.0], left - rise, t - rise
+    # In axes that come down with the foot it ends at rest
+    height, velocity, acceleration = z
+    ends.append(toward(height - descent * left, velocity + descent, acceleration, goal[2], left, t))
+    way = np.array(ends).T
+    way[:2, 2] += descent * (left - t), -descent
+    return way

@@ -52,7 +52,7 @@ TINY: dict[str, dict[str, Any]] = {
     "optima": {"states": 2, "absurd": 5, "rounds": 2},
     "pushes": {"plants": ("compliant",)},
     "robots": {"robots": ("solo12", "solo8"), "duration": 1.0},
-    "speed": {"duration": 0.3},
+    "speed": {"duration": 0.3, "pushes": 0},
     "slopes": {
         "degrees": (0.0, 30.0),
         "frictions": (0.1, 0.8),

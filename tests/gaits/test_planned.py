@@ -7,18 +7,15 @@ import threading
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from functools import cache
-from itertools import pairwise
 
 import numpy as np
 import pinocchio as pin
 import pytest
 from needs import QUICK_PLANTS, needs_robots
-from numpy.polynomial import Polynomial
 from scipy.spatial.transform import Rotation
 from trot_planner import Trot
 
 import harpy_pin as hp
-from harpy_pin.gaits import swing
 from harpy_pin.wbc import WholeBodyLimits, WholeBodyTargets, make_problem, make_solver
 from harpy_pin.wbc.condensed import CondensedSolver
 
@@ -160,37 +157,15 @@ def test_bad_plans_are_refused(changes, words):
         plan_of(**changes)
 
 
-def quintic(begin, end, span):
-    """Of least degree with a position, velocity and acceleration at both ends."""
-    powers = np.array([[Polynomial.basis(n).deriv(d)(x) if d else x**n for n in range(6)]
-                       for x in (0.0, span) for d in range(3)])  # fmt: skip
-    return Polynomial(np.linalg.solve(powers, np.concatenate((begin, end))))
-
-
-def test_swing_is_made_of_the_quintics():
-    rng = np.random.default_rng(1)
-    foot, goal = rng.normal(size=(3, 3)), rng.normal(size=3)
-    ways = [quintic(foot[:, i], (goal[i], 0.0, 0.0), 0.3) for i in range(2)]
-    up = quintic(foot[:, 2], (1.5, 0.0, 0.0), 0.1)
-    down = quintic((1.5, 0.0, 0.0), (goal[2], 0.0, 0.0), 0.2)
-    ticked, ticks = foot, np.linspace(0.0, 0.3, 61)
-    for last, t in pairwise(ticks):
-        found = swing(foot, goal, t, left=0.3, rise=0.1, apex=1.5)
-        height = (up, t) if t < 0.1 else (down, t - 0.1)
-        for i, (way, at) in enumerate(((ways[0], t), (ways[1], t), height)):
-            expected = [(way.deriv(d) if d else way)(at) for d in range(3)]
-            np.testing.assert_allclose(found[:, i], expected, atol=1e-9 * 1e3)
-        ticked = swing(
-            ticked, goal, t - last, left=0.3 - last, rise=0.1 - last, apex=1.5
-        )  # begun anew at every tick it is the same
-        np.testing.assert_allclose(ticked[0], found[0], atol=1e-6)
-    np.testing.assert_array_equal(found[0], goal)
-    np.testing.assert_array_equal(
-        swing(foot[0], goal, 0.1, left=0.2, apex=2.0)[:, 2], [2.0, 0.0, 0.0]
-    )
-    for wrong in ({"left": np.nan}, {"left": 0.1, "rise": 0.2}, {"apex": "high"}):
-        with pytest.raises(hp.InputError):
-            swing(foot, goal, 0.1, **{"left": 0.2, "apex": 1.0} | wrong)
+@pytest.mark.parametrize("plant", QUICK_PLANTS)
+def test_feet_that_swing_land_once_without_sliding(plant):
+    """A trot at 1 m/s: no foot moves across the ground as it lands, and none is thrown up."""
+    run, _ = walk(Trot(go2(), (1.0, 0.0)), plant=plant, duration=3.0)
+    late = run["t"] > 1.0
+    steps = (np.diff(run["stance"][late], axis=0) > 0.0).sum()
+    assert 1e3 * np.ptp(run["slip_path"][late], axis=0).sum() / steps < 0.5
+    met = (np.diff((run["foot_force"][late, :, 2] > 0.0).astype(int), axis=0) > 0).sum()
+    assert met < 1.3 * steps
 
 
 def test_whole_body_controllers_ask_for_the_planned_motion():

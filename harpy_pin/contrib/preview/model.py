@@ -39,18 +39,18 @@ class SingleBody:
         self.mass = robot.mass
         pin.ccrba(robot.model, self._data, q, np.zeros(robot.model.nv))
         self.inertia: Vector = self._data.Ig.inertia.copy()
+        self.centre: Vector = pin.centerOfMass(robot.model, self._data, q) - q[:3]
         self.motion: Vector = np.zeros((2, 6))
 
     def measure(self, state: State) -> None:
         """Take a state."""
-        self.place = state.q[:3].copy()
         self.rotation = pin.Quaternion(state.q[3:7]).matrix()
         roll, pitch, self.yaw = pin.rpy.matrixToRpy(self.rotation)
         self.turn = pin.rpy.rpyToMatrix(0.0, 0.0, self.yaw)
-        centre = pin.centerOfMass(self._model, self._data, state.q)
-        self.centre = self.turn.T @ (centre - self.place)
+        pin.centerOfMass(self._model, self._data, state.q, state.v)
+        self.place = self._data.com[0] - self.turn @ self.centre
         self.motion[0, 3:] = roll, pitch, 0.0
-        self.motion[1, :3] = self.turn.T @ self.rotation @ state.v[:3]
+        self.motion[1, :3] = self.turn.T @ self._data.vcom[0]
         self.motion[1, 3:] = self.turn.T @ self.rotation @ state.v[3:6]
 
     def acceleration(self, foot: Vector, body: Vector) -> Vector:

@@ -14,6 +14,7 @@ import numpy as np
 import pinocchio as pin
 
 from harpy_pin.gaits.fitting import GRAVITY
+from harpy_pin.gaits.planned import DESCENT, EARLY, RISE
 from harpy_pin.gaits.swing import on_its_way
 from harpy_pin.model.legs import legs
 from harpy_pin.model.robot import Robot
@@ -92,7 +93,16 @@ class Stride:
         begin = np.zeros((3, 3))
         goal = [speed * (stance + swing), 0.0, 0.0]
         for i, t in enumerate(swing * share):
-            foot = on_its_way(begin, goal, t, swing, 0.5 * swing, self.clearance)[0]
+            foot = on_its_way(
+                begin,
+                goal,
+                t,
+                left=swing,
+                rise=RISE * swing,
+                apex=self.clearance,
+                early=EARLY * swing,
+                descent=DESCENT * GRAVITY * self.natural,
+            )[0]
             way[SAMPLES + i] = foot - [speed * (0.5 * stance + t), 0.0, 0.0]
         return way
 

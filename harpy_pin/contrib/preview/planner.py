@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import hypot, isfinite
+from math import hypot, isfinite, sqrt
 
 import numpy as np
 import pinocchio as pin
@@ -49,6 +49,10 @@ MOST_TURN = 2.5
 """Largest turning velocity, rad/s."""
 ASTRAY = 0.2
 """How far the heading may be behind, rad."""
+GRIP = 0.6
+"""Of the friction coefficient that a turn may need for the acceleration inwards."""
+GAITS = ("trot", "bound", "pronk")
+"""Which feet step together: diagonal ones, those of a pair of legs, or all."""
 LONGEST_GAP = 0.1
 """Time that counts between two plans, at most, s."""
 PUSHED = 0.2
@@ -72,9 +76,12 @@ class Preview:
         mu: friction coefficient of the ground.
         max_speed: largest velocity, m/s, to which a command is scaled down; by default that at
             which the stride asks 1.15 times as much of a motor as it has: swing feet give way.
+        gait: which feet step together: those of a diagonal ("trot"), of a pair of legs ("bound"),
+            or all ("pronk").
 
     Attributes:
         robot: whose.
+        gait: which feet step together.
         command: (3,) the velocity that is wanted; change it at any time.
         applied: (3,) that is followed, which changes gradually.
         max_speed: m/s.
@@ -92,6 +99,7 @@ class Preview:
         *,
         mu: float = 0.6,
         max_speed: float | None = None,
+        gait: str = "trot",
     ) -> None:
         checks.instance("robot", robot, Robot)
         if robot.corners != (1, 1, 1, 1) or any(len(leg.joints) != 3 for leg in legs(robot)):
@@ -111,7 +119,9 @@ class Preview:
         self._body = SingleBody(robot, q)
         self._hips = build.place * [1.0, 1.0, 0.0]
         places = self._hips[:, :2] - self._hips[:, :2].mean(axis=0)
-        self._offset: Vector = groups_of("trot", places) / 2.0
+        checks.one_of("gait", gait, GAITS)
+        self.gait = gait
+        self._offset: Vector = groups_of("stand" if gait == "pronk" else gait, places) / 2.0
         stride = Stride(robot, q, leg=build.leg, clearance=walk.clearance * build.leg)
         fastest = FASTEST * float(np.sqrt(GRAVITY * build.leg))
         speeds = np.linspace(0.0, fastest, SPEEDS)
@@ -196,6 +206,8 @@ class Preview:
         wanted = self.command if all(map(isfinite, self.command.tolist())) else self.applied
         speed = hypot(*wanted[:2])
         share = min(1.0, self.max_speed / max(speed, 1e-9), MOST_TURN / max(abs(wanted[2]), 1e-9))
+        inwards = share**2 * speed * abs(wanted[2])  # m/s²
+        share *= min(1.0, sqrt(GRIP * self.mu * GRAVITY / max(inwards, 1e-9)))
         most = np.array([ACCELERATION, ACCELERATION, TURN_ACCELERATION]) * step
         self.applied += np.clip(share * wanted - self.applied, -most, most)
         yaw = self._body.yaw
@@ -211,7 +223,8 @@ class Preview:
         going = bool(self.command.any() or self.applied.any())
         pushed = hypot(*self._body.motion[1, :2]) > PUSHED * GRAVITY * self._natural
         if self._stands and (going or pushed):
-            self._stands, self._phase = False, duty  # one pair is lifted
+            self._stands = False
+            self._phase = duty if self._offset.any() else 0.0  # one pair is lifted, or all jump
         elif not self._stands:
             self._phase += step / (stance + swing)
             held = (self._phase + self._offset) % 1.0 < duty
@@ -272,7 +285,8 @@ class Preview:
         rotations = [body.rotation, *(turn @ pin.exp3(tilt) for tilt in motion[0, 1:, 3:])]
         return Plan(
             times=t + ahead.times,
-            position=place + motion[0, :, :3] @ turn.T,
+            position=place + (body.centre + motion[0, :, :3]) @ turn.T,
+            centre_of_mass=True,
             velocity=motion[1, :, :3] @ turn.T,
             acceleration=bends[:, :3] @ turn.T,
             orientation=[pin.Quaternion(rotation).coeffs() for rotation in rotations],

@@ -72,11 +72,12 @@ def force_program(
     share = span / span.mean()
     effect = np.einsum("sif,fac->siafc", sums(times)[:, :, interval], gain)
     effect = effect.reshape(2, len(span), 6, 3 * n)
-    rows = effect.reshape(12 * len(span), 3 * n)
-    weight = (weights[:, None] * share[:, None]).ravel()
-    hessian = (rows.T * weight) @ rows
+    # A product for each entry of the motion: one large one would wait for threads of BLAS
+    rows = effect.transpose(0, 2, 3, 1)
+    weighted = rows * weights[..., None, None] * share
+    hessian = (weighted @ rows.transpose(0, 1, 3, 2)).sum(axis=(0, 1))
     hessian[np.diag_indices(3 * n)] += force_weight * np.repeat(share[interval], 3)
-    gradient = -(rows.T * weight) @ missing.ravel()
+    gradient = -(weighted @ missing.transpose(0, 2, 1)[..., None]).sum(axis=(0, 1))[:, 0]
     sides = np.array(
         [[1.0, 0.0, -mu], [-1.0, 0.0, -mu], [0.0, 1.0, -mu], [0.0, -1.0, -mu], [0.0, 0.0, 1.0]]
     )

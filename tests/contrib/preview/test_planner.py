@@ -15,9 +15,19 @@ pytestmark = needs_robots
 MOTORS = hp.Actuators(torque_share=1.0, no_load_share=1.0, stall_share=5.0)
 
 
-def run_of(velocity, *, plant="compliant", duration, friction=0.8, robot=None, **disturbances):
+def run_of(
+    velocity,
+    *,
+    plant="compliant",
+    duration,
+    friction=0.8,
+    robot=None,
+    schedule="trot",
+    **disturbances,
+):
     robot = go2() if robot is None else robot
-    gait = hp.PlannedGait(robot, Preview(robot, velocity, mu=friction), rate=50)
+    preview = Preview(robot, velocity, mu=friction, gait=schedule)
+    gait = hp.PlannedGait(robot, preview, rate=50)
     scenario = hp.Scenario(
         robot=robot,
         plant=plant,
@@ -93,6 +103,59 @@ def test_other_quadrupeds_run(name, velocity):
     assert speed(run, 2.0) == pytest.approx(velocity, rel=0.1)
 
 
+@pytest.mark.parametrize("plant", QUICK_PLANTS)
+@pytest.mark.parametrize(("schedule", "flies"), [("bound", 0.05), ("pronk", 0.4)])
+def test_bound_and_pronk_fly(schedule, flies, plant):
+    run, gait = run_of((2.0, 0.0, 0.0), plant=plant, duration=3.0, schedule=schedule)
+    assert run.ending == "completed"
+    assert gait.refused == 0
+    assert speed(run, 2.0) == pytest.approx(2.0, abs=0.2)
+    late = run["t"] > 1.5
+    assert (run["foot_force"][late, :, 2].max(axis=1) == 0.0).mean() > flies
+    lifted = (run["stance"] == 0.0)[late].astype(int)  # left front, right front, and behind
+    pairs = [(k, m) for k in range(4) for m in range(k) if (lifted[:, k] == lifted[:, m]).all()]
+    assert len(pairs) == (2 if schedule == "bound" else 6)
+
+
+@pytest.mark.parametrize("plant", QUICK_PLANTS)
+def test_feet_hardly_slip_at_3_5_m_s(plant):
+    run, _ = run_of((3.5, 0.0, 0.0), plant=plant, duration=5.0)
+    assert run.ending == "completed"
+    late = run["t"] > 2.5
+    steps = (np.diff(run["stance"][late], axis=0) > 0.0).sum()
+    assert 1e3 * np.ptp(run["slip_path"][late], axis=0).sum() / steps < 0.5
+
+
+def test_what_the_motion_leaves_open_is_as_planned():
+    """On two feet that is the force along their line, which neither moves nor turns the robot."""
+    run, _ = run_of((1.0, 0.0, 0.0), duration=3.0)
+    errors, late = [], run["t"] > 1.0
+    held, stance = run["held"][late], run["stance"][late]
+    off = (run["desired_force"] - run["planned_force"])[late]
+    for k in np.flatnonzero((held.sum(axis=1) == 2.0) & (held == stance).all(axis=1))[::10]:
+        first, second = np.flatnonzero(held[k])
+        line = np.diff(run["foot_position"][late][k][[first, second]], axis=0)[0]
+        errors.append((off[k, second] - off[k, first]) @ line / np.linalg.norm(line) / 2.0)
+    assert len(errors) > 50
+    assert np.sqrt(np.mean(np.square(errors))) < 0.1  # N
+
+
+def test_a_turn_is_within_the_grip():
+    """A command whose circle would ask for more than the friction gives is scaled down."""
+    robot = go2()
+    for mu, most in ((0.8, 0.6 * 0.8 * 9.81), (0.4, 0.6 * 0.4 * 9.81)):
+        preview = Preview(robot, (2.5, 0.0, 2.4), mu=mu)
+        q, v = hp.Standing(robot).initial_state()
+        dynamics = hp.Dynamics(robot)
+        dynamics.update(q, v)
+        feet = dynamics.foot_position.copy()
+        for t in np.arange(0.0, 3.0, 0.02):
+            preview.plan(hp.State(t, q, v, feet, np.zeros((4, 3)), np.zeros((4, 3))))
+        forward, _, turning = preview.applied
+        assert forward * turning == pytest.approx(most, rel=1e-6)
+        assert forward / turning == pytest.approx(2.5 / 2.4, rel=1e-6)
+
+
 def test_a_solver_that_fails_ends_in_a_stand(monkeypatch):
     def fails(program):
         raise hp.HarpyError("the preview has no solution: none")
@@ -132,7 +195,7 @@ def test_it_is_for_quadrupeds_on_points():
     for name in ("bolt", "g1"):
         with pytest.raises(hp.InputError, match="four legs of three joints"):
             Preview(hp.load_robot(name))
-    for wrong in ({"mu": 0.0}, {"max_speed": -1.0}, {"velocity": (1.0,)}):
+    for wrong in ({"mu": 0.0}, {"max_speed": -1.0}, {"velocity": (1.0,)}, {"gait": "hop"}):
         with pytest.raises(hp.InputError):
             Preview(go2(), **wrong)
     assert repr(Preview(go2(), (1.0, 0.0, 0.5))) == "Preview('go2', 1, 0 m/s, 0.5 rad/s)"
