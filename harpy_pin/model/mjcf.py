@@ -21,6 +21,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from harpy_pin import checks
 from harpy_pin.errors import InputError, install_line, shown
+from harpy_pin.model.loops import Tie
 from harpy_pin.model.flat_foot import SOLE_DEPTH, FlatFoot, find_sole
 from harpy_pin.model.mjcf_options import enabled_actuators, in_effect
 from harpy_pin.model.state import Vector
@@ -67,12 +68,16 @@ class Description:
         posture: (joints,) angles in which it stands, rad; None where there are none.
         soles: of frames that are flat feet.
         radii: of the spheres around the points of other frames, m.
+        ties: closed loops and couplings.
+        undriven: Pinocchio's numbers of the joints without a motor.
     """
 
     model: pin.Model
     posture: Vector | None = None
     soles: Mapping[str, FlatFoot] = field(default_factory=dict)
     radii: Mapping[str, float] = field(default_factory=dict)
+    ties: Sequence[Tie] = ()
+    undriven: Sequence[int] = ()
 
 
 def read_mujoco(model: Any, frames: Sequence[str], label: str) -> Description:
