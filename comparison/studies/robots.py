@@ -45,12 +45,7 @@ def _measured(job: Job) -> dict[str, Any]:
     except hp.HarpyError as error:
         return {"loads": False, "reason": str(error).splitlines()[0]}
     feet = f"{len(robot.corners)} {'flat_feet' if robot.flat_feet else 'points'}"
-    row: dict[str, Any] = {
-        "loads": True,
-        "mass_kg": robot.mass,
-        "dof": int(robot.model.nv),
-        "feet": feet,
-    }
+    row: dict[str, Any] = {"loads": True, "mass_kg": robot.mass, "dof": int(robot.nv), "feet": feet}
     row["terms_error"] = terms_error(robot, np.random.default_rng(job["seed"]))
     try:
         return row | _stand(robot, CONTROLLERS[job["controller"]], job)

@@ -15,13 +15,7 @@ from __future__ import annotations
 import numpy as np
 
 from harpy_pin.kernels import ByPrecision, kernel
-from harpy_pin.model.cholesky import (
-    factorise,
-    mirror,
-    solve_factor,
-    solve_transposed,
-    solve_vector,
-)
+from harpy_pin.model.cholesky import factorise, mirror, solve_factor, solve_transposed, solve_vector
 from harpy_pin.model.loops import JUMP
 from harpy_pin.model.placing import accelerated, place_body
 from harpy_pin.model.state import Vector

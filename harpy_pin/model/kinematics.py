@@ -65,7 +65,8 @@ class LegGeometry:
         model = robot.model
         frame = model.frames[robot.frame_id(foot)]
         chain = list(model.supports[frame.parentJoint])[2:]
-        names = [model.joints[j].shortname() for j in chain]
+        passive = () if robot.loops is None else robot.loops.passive
+        names = [model.joints[j].shortname() if j not in passive else "passive" for j in chain]
         if names != ["JointModelRX", "JointModelRY", "JointModelRY"]:
             raise RobotError(
                 f"the leg of '{foot}' is {names}, not hip x, hip y, knee y; use "

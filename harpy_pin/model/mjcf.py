@@ -21,8 +21,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from harpy_pin import checks
 from harpy_pin.errors import InputError, install_line, shown
-from harpy_pin.model.loops import Tie
 from harpy_pin.model.flat_foot import SOLE_DEPTH, FlatFoot, find_sole
+from harpy_pin.model.loops import Tie
 from harpy_pin.model.mjcf_options import enabled_actuators, in_effect
 from harpy_pin.model.state import Vector
 from harpy_pin.model.tree import tree_record

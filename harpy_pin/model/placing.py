@@ -1,5 +1,4 @@
-"""One body from its parent: its placement, the screw of the joint between them, its acceleration.
-"""
+"""One body from its parent: its placement, the screw of its joint, its acceleration."""
 
 from __future__ import annotations
 

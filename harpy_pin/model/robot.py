@@ -125,7 +125,7 @@ class Robot:
     @property
     def joints(self) -> tuple[str, ...]:
         """Names of the actuated joints, in the order of the torques."""
-        return tuple(self.model.names[j] for j in self.driven)
+        return tuple(str(self.model.names[j]) for j in self.driven)
 
     @property
     def driven(self) -> tuple[int, ...]:
@@ -149,6 +149,14 @@ class Robot:
         return np.array([self.model.joints[j].idx_v for j in self.driven], dtype=np.int64)
 
     @property
+    def layout(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """(joints,) where the angle of each actuated joint is in a configuration, and (joints,) 1
+        for one that turns without bounds, which has a cosine and a sine there.
+        """
+        count = np.array([self.model.joints[j].nq for j in self.driven], dtype=np.int64)
+        return 7 + np.cumsum(count) - count, count - 1
+
+    @property
     def places(self) -> NDArray[np.int64]:
         """(joints,) of each actuated joint in a configuration of :attr:`model`."""
         return np.array([self.model.joints[j].idx_q for j in self.driven], dtype=np.int64)
@@ -157,6 +165,16 @@ class Robot:
     def neutral(self) -> Vector:
         """(nq,) configuration with all joints at zero."""
         return np.array(pin.neutral(self.model)[: self.nq])
+
+    @property
+    def reference(self) -> Vector:
+        """(nq,) configuration with all joints at zero; of a robot with loops one at which they are
+        known to be closed.
+        """
+        q = self.neutral
+        if self.loops is not None:
+            q[7:] = self.loops.angles[np.array(self.driven) - 2]
+        return q
 
     def closed(self, q: Vector) -> Vector:
         """Configuration of :attr:`model`, with loops closed; q itself where there are none.
@@ -179,14 +197,15 @@ class Robot:
             return np.eye(self.nv)
         return tree_velocity_map(self.model, self.loops, q)
 
-    def supports(self, joint: int) -> tuple[int, ...]:
-        """Pinocchio's numbers of the actuated joints that may move a joint's body, from the base
-        on.
+    def carriers(self, frame: str) -> tuple[int, ...]:
+        """Pinocchio's numbers of the actuated joints that may move a frame, from the base on.
 
         Args:
-            joint: Pinocchio's number.
+            frame: its name.
         """
-        return driven_supports(self.model, self.loops)[joint]
+        body = self.model.frames[self.frame_id(frame)].parentJoint
+        above: tuple[int, ...] = driven_supports(self.model, self.loops)[body]
+        return above
 
     def integrate(self, q: Vector, displacement: Vector) -> Vector:
         """(nq,) configuration after a displacement (nv,), the base along a screw.
@@ -231,6 +250,11 @@ class Robot:
         return np.array(self.model.velocityLimit[self.columns])
 
     @property
+    def armature(self) -> Vector:
+        """(joints,) inertia of the rotor of each joint's motor, at the joint, kg·m²."""
+        return np.array(self.model.armature[self.columns])
+
+    @property
     def damping(self) -> Vector:
         """(joints,) viscous friction of each joint, N·m·s/rad."""
         return np.array(self.model.damping[self.columns])
@@ -253,12 +277,7 @@ class Robot:
         Soles are counted where all feet are flat.
         """
         soles = len(self.flat_feet) if len({*self.flat_feet}) == 1 else 0
-        counts = {
-            "nv": self.nv,
-            "joints": len(self.joints),
-            "feet": len(self.feet),
-            "soles": soles,
-        }
+        counts = {"nv": self.nv, "joints": len(self.joints), "feet": len(self.feet), "soles": soles}
         return counts | {"thrusters": len(self.thrusters), "thrusts": self.n_thrust}
 
     @property
@@ -565,7 +584,7 @@ def _start(model: pin.Model, angles: Vector | None) -> Vector:
     """
     if angles is not None:
         return angles
-    return np.clip(0.0, model.lowerPositionLimit[7:], model.upperPositionLimit[7:])
+    return np.asarray(np.clip(0.0, model.lowerPositionLimit[7:], model.upperPositionLimit[7:]))
 
 
 def _warn(path: Path | None, what: str, joints: Sequence[str]) -> None:

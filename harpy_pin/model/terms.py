@@ -234,6 +234,21 @@ def _jacobian(t: TreeRecord, i: int, p: Vector, out: Vector) -> None:
 
 
 @kernel
+def unit_motion(t: TreeRecord, i: int, column: int) -> Vector:
+    """Motion (6,) of body i for unit velocity of a joint of this column, which may move it, linear
+    at the base's origin and angular, base axes.
+    """
+    motion = np.zeros(6)
+    if t.loops.start.shape[0] > 0:
+        while i > 0:
+            motion += t.loops.spread[t.column[i] - 6, column - 6] * t.screw[i]
+            i = t.parent[i]
+    else:
+        motion[:] = t.screw[column - 5]
+    return motion
+
+
+@kernel
 def _rotor(d: DynamicsRecord, n: int, i: int, p: Vector, out: Vector) -> None:
     """Axis in the world of rotor n of body i, and its row of the Jacobian; columns as in
     :func:`_jacobian`.

@@ -129,9 +129,7 @@ def tree_record(model: pin.Model, loops: Loops | None = None) -> Records[TreeRec
         column[[*driven, *passive]] = 6 + np.arange(bodies - 1)
         place = np.where(column < 6, 0, column + 1)
         columns = np.array([*range(6), *(joints[i].idx_v for i in (*driven, *passive))])
-    ends = [
-        5 if not above else int(column[max(above) - 1]) for above in driven_supports(model, loops)
-    ]
+    above = driven_supports(model, loops)[1:]
     return make_record(
         TreeRecord,
         {"bodies": bodies},
@@ -139,7 +137,7 @@ def tree_record(model: pin.Model, loops: Loops | None = None) -> Records[TreeRec
         kind=np.array(kinds, dtype=np.int64),
         place=place,
         column=column,
-        end=np.array(ends[1:], dtype=np.int64),
+        end=np.array([column[path[-1] - 1] if path else 5 for path in above], dtype=np.int64),
         axis=np.array(axes),
         placement=np.array([placement.rotation for placement in placements]),
         origin=np.array([placement.translation for placement in placements]),

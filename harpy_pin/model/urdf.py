@@ -97,7 +97,7 @@ def build_model(path: Path) -> tuple[pin.Model, list[Coupling]]:
             _check_numbers(element)
         for joint in joints:
             _check_joint(joint)
-        couplings = _couplings(joints)
+        couplings = _couplings(path, joints)
         _warn_of_ranges(path, joints)
         unbounded = [joint.get("name") for joint in joints if joint.get("type") == "continuous"]
         for joint in joints:
@@ -417,21 +417,24 @@ def _check_joint(joint: ElementTree.Element) -> None:
     checks.number(f"upper limit of joint '{name}'", upper, low=lower)
 
 
-def _couplings(joints: Sequence[ElementTree.Element]) -> list[Coupling]:
-    """The joints that mimic others; the model is built without them."""
-    moving, found = [j.get("name") for j in joints if j.get("type") != "fixed"], []
+def _couplings(path: Path, joints: Sequence[ElementTree.Element]) -> list[Coupling]:
+    """The joints that mimic others; one that mimics none of the file's is warned of."""
+    moving, found, alone = [j.get("name") for j in joints if j.get("type") != "fixed"], [], []
     for joint in joints:
-        mimic, name = joint.find("mimic"), str(joint.get("name"))
+        name, mimic = str(joint.get("name")), joint.find("mimic")
         if mimic is None:
             continue
-        leader = mimic.get("joint")
+        leader = mimic.get("joint", "")
+        joint.remove(mimic)
         if leader not in moving or leader == name:
-            raise InputError(
-                f"joint '{name}' mimics {ascii(leader)[:60]}, which is no other joint that moves"
-            )
+            alone.append(f"'{name}' ({shown(leader)})")
+            continue
         ratio, offset = float(mimic.get("multiplier", "1")), float(mimic.get("offset", "0"))
         found.append(Coupling(name, leader, ratio, offset))
-        joint.remove(mimic)
+    if alone:
+        more = f" and {len(alone) - 1} more" if len(alone) > 1 else ""
+        message = f"{_shown(path)}: joints mimic none that moves, and move on their own"
+        warnings.warn(f"{message}: {alone[0]}{more}", stacklevel=5)
     return found
 
 

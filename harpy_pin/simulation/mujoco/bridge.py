@@ -104,7 +104,7 @@ class MujocoBridge(Conventions):
         super().__init__(model, robot, prefix=prefix)
         self._check_joints()
         refuse_loops(self._at_zero.model, self._at_zero.bodies)
-        nq, nv, self.foot_radius = robot.model.nq, robot.model.nv, np.zeros(len(robot.feet))
+        nq, nv, self.foot_radius = robot.nq, robot.nv, np.zeros(len(robot.feet))
         self._record = make_record(
             BridgeRecord,
             robot.sizes,

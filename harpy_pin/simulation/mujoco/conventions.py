@@ -123,8 +123,8 @@ class Conventions:
             unbounded=np.array([joint.nq > 1 for joint in ours], dtype=np.int64),
             position=model.jnt_qposadr[self.joints].astype(np.int64),
             velocity=self.velocity,
-            q=np.zeros(robot.model.nq),
-            v=np.zeros(robot.model.nv),
+            q=np.zeros(robot.nq),
+            v=np.zeros(robot.nv),
             qpos=np.zeros(model.nq),
             qvel=np.zeros(model.nv),
         )
@@ -145,10 +145,7 @@ class Conventions:
         """
         self._check_data(data)
         q, v = state if isinstance(state, tuple) else (state.q, state.v)
-        q, v = (
-            checks.vector("q", q, self._robot.model.nq),
-            checks.vector("v", v, self._robot.model.nv),
-        )
+        q, v = (checks.vector("q", q, self._robot.nq), checks.vector("v", v, self._robot.nv))
         to_mujoco(self._record_, q, v, data.qpos, data.qvel)
         data.time = data.time if isinstance(state, tuple) else state.t
 

@@ -96,7 +96,7 @@ class MujocoModel(KeepsViews):
         self.data: Any = mujoco.MjData(self.model)
         self.feet = [int(self.model.geom(f"foot:{foot}").id) for foot in robot.feet]
         self.planes = [int(self.model.geom(name).id) for name in planes if own_planes]
-        self._sizes = (robot.model.nq, robot.model.nv)
+        self._sizes = (robot.nq, robot.nv)
         self._base = int(
             self.model.jnt_bodyid[self.model.joint(f"joint:{robot.model.names[1]}").id]
         )

@@ -70,10 +70,11 @@ def task_records(robot: Robot, tasks: Sequence[AnyTask], *, width: int) -> TaskR
     model = robot.model
     framed = [task for task in tasks if isinstance(task, FrameTask)]
     frames = [model.frames[robot.frame_id(task.frame)] for task in framed]
-    joints = [joint for task in tasks if isinstance(task, JointTask) for joint in task.joints]
-    for joint in joints:
-        checks.one_of("joint", joint, robot.joints)
-    columns = [ROOT + robot.joints.index(joint) for joint in joints]
+    names = [joint for task in tasks if isinstance(task, JointTask) for joint in task.joints]
+    for name in names:
+        checks.one_of("joint", name, robot.joints)
+    joints, (place, unbounded) = [robot.joints.index(name) for name in names], robot.layout
+    columns = [ROOT + joint for joint in joints]
     bodies = [frame.parentJoint - 1 for frame in frames]
     sizes = {"frames": len(frames), "joint_rows": len(joints), "width": width}
     return TaskRecords(
@@ -86,10 +87,16 @@ def task_records(robot: Robot, tasks: Sequence[AnyTask], *, width: int) -> TaskR
             local=np.array([task.axes == "local" for task in framed], dtype=np.int64),
             rotation=np.tile(np.eye(3), (len(frames), 1, 1)),
         ),
-        make_record(JointTasksRecord, sizes, column=np.array(columns, dtype=np.int64)),
+        make_record(
+            JointTasksRecord,
+            sizes,
+            column=np.array(columns, dtype=np.int64),
+            place=place[joints],
+            unbounded=unbounded[joints],
+        ),
         make_record(MomentumTasksRecord, sizes),
         bodies,
-        [column - ROOT + 1 for column in columns],
+        [robot.driven[joint] - 1 for joint in joints],
     )
 
 

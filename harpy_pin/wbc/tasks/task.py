@@ -248,6 +248,9 @@ class FrameTask(MotionTask):
             self._frame = dynamics.robot.frame_id(self.frame)
             self._model, self._data = model, model.createData()
         data, frame, world = self._data, self._frame, pin.LOCAL_WORLD_ALIGNED
+        if dynamics.robot.loops is not None:
+            message = f"rows in Python of a task of a frame: '{dynamics.robot.name}' has loops"
+            raise InputError(f"{message}, which only the condensed controller's tasks know")
         jacobian = pin.computeFrameJacobian(model, data, state.q, frame, world)
         pin.forwardKinematics(model, data, state.q, state.v, np.zeros(model.nv))
         place = pin.updateFramePlacement(model, data, frame)
