@@ -326,8 +326,9 @@ class PlannedGait(Gait):
     def _measured(self, centre: bool, state: State) -> tuple[Vector, Vector]:
         """Place and velocity of the body's origin, or the centre of mass, in world axes."""
         if centre:
-            model, data, tree = self.robot.model, self._data, self.robot.closed(state.q)
-            pin.centerOfMass(model, data, tree, self.robot.velocity_map(tree) @ state.v)
+            data, tree = self._data, self.robot.closed(state.q)
+            speed = self.robot.velocity_map(state.q) @ state.v
+            pin.centerOfMass(self.robot.model, data, tree, speed)
             return data.com[0], data.vcom[0]
         return state.q[:3], pin.Quaternion(state.q[3:7]).matrix() @ state.v[:3]
 

@@ -12,14 +12,19 @@ loop alike. The loops of a plane have more equations than passive joints, which 
 
 from __future__ import annotations
 
-import numpy as np
+from typing import Any
+from weakref import WeakKeyDictionary
 
+import numpy as np
+import pinocchio as pin
+
+from harpy_pin.errors import InputError
 from harpy_pin.kernels import ByPrecision, kernel
 from harpy_pin.model.cholesky import factorise, mirror, solve_factor, solve_transposed, solve_vector
-from harpy_pin.model.loops import JUMP
+from harpy_pin.model.loops import JUMP, Loops
 from harpy_pin.model.placing import accelerated, place_body
 from harpy_pin.model.state import Vector
-from harpy_pin.model.tree import TreeRecord
+from harpy_pin.model.tree import TreeRecord, tree_record
 
 SEARCHES = 20
 """Most steps of one search."""
@@ -197,3 +202,47 @@ def reduce_mass(t: TreeRecord, out: Vector) -> None:
     out[6:, 6:] += c.cross + c.cross.T
     out[6:, :6] += spread.T @ m[nv:, :6]
     mirror(out)
+
+
+@kernel
+def _close_anew(t: TreeRecord, q: Vector, v: Vector) -> int:
+    """:func:`close_loops` from the angles at which the loops are known to be closed; whether they
+    are closed.
+    """
+    t.loops.closed = 0
+    close_loops(t, q, v)
+    return t.loops.closed
+
+
+def closed_tree(model: pin.Model, loops: Loops, q: Vector) -> tuple[Vector, Vector]:
+    """A configuration of the tree (model.nq,) with its loops closed, and T (model.nv, nv) with
+    v_tree = T v.
+
+    Args:
+        model: the tree.
+        loops: of it.
+        q: (nq,) of base and driven joints.
+
+    Raises:
+        InputError: the loops cannot be closed there.
+    """
+    record = _RECORDS.setdefault(loops, None)
+    if record is None:
+        record = _RECORDS[loops] = tree_record(model, loops)
+    own, column = record["loops"], record["column"][0, 1:]
+    closed = _close_anew(record, np.array(q, dtype=np.float64), np.zeros(len(q) - 1))
+    if not closed:
+        left = np.abs(own["residual"]).max()
+        raise InputError(
+            f"the loops of '{model.name}' cannot be closed at these joint angles: "
+            f"{left:.2g} m or rad are left",
+            name="q",
+            value=q,
+        )
+    spread = np.eye(model.nv, len(q) - 1)
+    spread[6:, 6:] = own["spread"][0][column - 6]
+    return np.append(q[:7], own["q"][0][column + 1]), spread
+
+
+_RECORDS: WeakKeyDictionary[Loops, Any] = WeakKeyDictionary()
+"""Where loops of robots are closed from Python."""

@@ -6,8 +6,7 @@ configuration of a robot has the driven joints alone, and the passive ones follo
 Gauss–Newton from angles at which the loops are known to be closed: along the straight way from
 there, so that a linkage never changes to its other assembly. Velocities follow by v_tree = T v.
 
-These are the functions for building and showing robots, on Pinocchio;
-:mod:`harpy_pin.model.closure` has the kernels.
+Here loops are read and checked, on Pinocchio; :mod:`harpy_pin.model.closure` closes them.
 """
 
 from __future__ import annotations
@@ -181,40 +180,6 @@ def _search(model: pin.Model, loops: Loops, q: Vector) -> float:
         if np.abs(step).max() < 1e-12:
             break
     return float(np.abs(residual_of(model, loops.ties, q)[0]).max())
-
-
-def closed_tree(model: pin.Model, loops: Loops, q: Vector) -> Vector:
-    """The tree's configuration (model.nq,) at that of base and driven joints (nq,).
-
-    Raises:
-        InputError: the loops cannot be closed there.
-    """
-    driven = [j - 2 for j in range(2, model.njoints) if j not in loops.passive]
-    start, tree = loops.angles, np.append(q[:7], loops.angles)
-    steps = 1 + int(np.abs(q[7:] - start[driven]).max(initial=0.0) / JUMP)
-    for share in np.linspace(1.0 / steps, 1.0, steps):
-        tree[7:][driven] = start[driven] + share * (q[7:] - start[driven])
-        left = _search(model, loops, tree)
-    tree[7:][driven] = q[7:]
-    if not left < CLOSED:
-        raise InputError(
-            f"the loops of '{model.name}' cannot be closed at these joint angles: "
-            f"{left:.2g} m or rad are left",
-            name="q",
-            value=q,
-        )
-    return tree
-
-
-def tree_velocity_map(model: pin.Model, loops: Loops, tree: Vector) -> Vector:
-    """T (model.nv, nv) with v_tree = T v, at a closed configuration of the tree (model.nq,)."""
-    passive = [model.joints[j].idx_v for j in loops.passive]
-    driven = np.setdiff1d(np.arange(model.nv), passive)
-    slope = residual_of(model, loops.ties, tree)[1]
-    full = np.zeros((model.nv, len(driven)))
-    full[driven, np.arange(len(driven))] = 1.0
-    full[passive] = -np.linalg.lstsq(slope[:, passive], slope[:, driven], rcond=RANK)[0]
-    return full
 
 
 def find_loops(

@@ -26,7 +26,7 @@ class Posed:
     """
 
     def __init__(self, robot: Robot, q: Vector) -> None:
-        self.robot, self.tree = robot, robot.closed(q)
+        self.robot, self.tree, self._q = robot, robot.closed(q), q
         self.data: pin.Data = robot.model.createData()
         pin.centerOfMass(robot.model, self.data, self.tree)
         pin.computeJointJacobians(robot.model, self.data, self.tree)
@@ -34,7 +34,7 @@ class Posed:
 
     @cached_property
     def _map(self) -> Vector:
-        return self.robot.velocity_map(self.tree)
+        return self.robot.velocity_map(self._q)
 
     @property
     def centre(self) -> Vector:

@@ -27,14 +27,7 @@ from harpy_pin.model.catalogue import (
 )
 from harpy_pin.model.flat_foot import FlatFoot, add_flat_feet
 from harpy_pin.model.known_joints import KnownJoints, read_joints
-from harpy_pin.model.loops import (
-    Loops,
-    closed_tree,
-    driven_supports,
-    find_loops,
-    read_loops,
-    tree_velocity_map,
-)
+from harpy_pin.model.loops import Loops, driven_supports, find_loops, read_loops
 from harpy_pin.model.mjcf import (
     Description,
     compile_mjcf,
@@ -185,17 +178,25 @@ class Robot:
         Raises:
             InputError: the loops cannot be closed there.
         """
-        return q if self.loops is None else closed_tree(self.model, self.loops, q)
+        return q if self.loops is None else self._close(q)[0]
 
     def velocity_map(self, q: Vector) -> Vector:
         """T (model.nv, nv): velocities of :attr:`model` are T v.
 
         Args:
-            q: (model.nq,) what :meth:`closed` gives.
+            q: (nq,) configuration.
+
+        Raises:
+            InputError: as of :meth:`closed`.
         """
-        if self.loops is None:
-            return np.eye(self.nv)
-        return tree_velocity_map(self.model, self.loops, q)
+        return np.eye(self.nv) if self.loops is None else self._close(q)[1]
+
+    def _close(self, q: Vector) -> tuple[Vector, Vector]:
+        """Configuration of the tree, and T, of a robot with loops."""
+        from harpy_pin.model.closure import closed_tree  # kernels, which no other robot needs here
+
+        assert self.loops is not None
+        return closed_tree(self.model, self.loops, q)
 
     def carriers(self, frame: str) -> tuple[int, ...]:
         """Pinocchio's numbers of the actuated joints that may move a frame, from the base on.

@@ -29,15 +29,15 @@ def joint(
     axis: str = "0 1 0",
     effort: float = 60.0,
     mimic: str = "",
-    armature: float = 0.01,
+    reach: float = 2.5,
 ) -> str:
     """A joint that turns; one without effort has no motor."""
     x, y, z = at
     return (
         f'<joint name="{name}" type="revolute"><parent link="{parent}"/><child link="{child}"/>'
         f'<origin xyz="{x} {y} {z}"/><axis xyz="{axis}"/>{mimic}'
-        f'<limit lower="-2.5" upper="2.5" effort="{effort}" velocity="30"/>'
-        f'<dynamics damping="0" armature="{armature if effort else 0.0}"/></joint>'
+        f'<limit lower="{-reach}" upper="{reach}" effort="{effort}" velocity="30"/>'
+        f'<dynamics damping="0" armature="{0.01 if effort else 0.0}"/></joint>'
     )
 
 
@@ -130,6 +130,7 @@ def parallel_ankle(folder: Path) -> hp.Robot:
                     f"{side}_shank",
                     f"{side}_{which}_crank",
                     (0.0, y, -0.12 + 0.03 * t),
+                    reach=0.9,
                 ),
                 frame(f"{side}_{which}_tip", f"{side}_{which}_crank", (-0.05, 0.0, 0.0)),
                 frame(f"{side}_{which}_heel", f"{side}_foot", (-0.055, y, 0.0)),

@@ -9,6 +9,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
+from harpy_pin.errors import InputError
 from harpy_pin.gaits.fitting import GRAVITY
 from harpy_pin.gaits.walking.build import Build
 from harpy_pin.gaits.walking.pendulum import toward
@@ -74,7 +75,11 @@ def swing_load(
     worst = 0.0
     for leg in legs(robot):
         joints = np.array(leg.columns)
-        path = [robot.closed(at) for at in _follow(robot, q, leg.points[0], joints, way)]
+        try:
+            followed = _follow(robot, q, leg.points[0], joints, way)
+        except InputError:  # a linkage does not go so far
+            return np.inf
+        path = [robot.closed(at) for at in followed]
         rate = [pin.difference(model, a, b) / time[1] for a, b in pairwise(path)]
         for i in range(1, SAMPLES - 1):
             torque = pin.rnea(
@@ -84,7 +89,7 @@ def swing_load(
                 0.5 * (rate[i - 1] + rate[i]),
                 (rate[i] - rate[i - 1]) / time[1],
             )
-            torque = (robot.velocity_map(path[i]).T @ torque)[joints]
+            torque = (robot.velocity_map(followed[i]).T @ torque)[joints]
             worst = max(worst, float(np.max(np.abs(torque) / limit[joints - 6])))
     return worst
 
