@@ -24,6 +24,7 @@ from harpy_pin.model.catalogue import (
     catalogue_robot,
     installed_data,
     known_name,
+    own_urdf,
 )
 from harpy_pin.model.flat_foot import FlatFoot, add_flat_feet
 from harpy_pin.model.known_joints import KnownJoints, read_joints
@@ -419,9 +420,7 @@ def harpy_urdf() -> Path:
     """Path of Harpy's URDF: beside the package once installed, at the top of a checkout
     otherwise.
     """
-    package = Path(__file__).parent.parent
-    installed = package / "urdf" / "harpy.urdf"
-    return installed if installed.is_file() else package.parent / "urdf" / "harpy.urdf"
+    return own_urdf("harpy.urdf")
 
 
 def load_harpy(urdf: str | Path | None = None) -> Robot:
@@ -521,14 +520,14 @@ def load_robot(
     )
     read = _read(urdf, path, (*feet, *mounts))
     model, angles, closing = read.model, read.posture, None
-    ties = (*read.ties, *read_loops(loops, model))
-    if ties:
-        closing = find_loops(model, ties, read.undriven, _start(model, angles))
-        angles = None if angles is None else np.delete(angles, np.array(closing.passive) - 2)
     if listed:
         known.add_frames(model)
         model.upperDryFrictionLimit = model.lowerDryFrictionLimit = np.zeros(model.nv)
         angles = known.posture(model)
+    ties = (*read.ties, *read_loops(loops or known.loops, model))
+    if ties:
+        closing = find_loops(model, ties, read.undriven, _start(model, angles))
+        angles = None if angles is None else np.delete(angles, np.array(closing.passive) - 2)
     for kind, names in (("foot", feet), ("thruster", mounts)):
         if len(set(names)) != len(names):
             raise InputError(f"a {kind} is named twice: {shown(', '.join(names), 300)}", name=kind)
@@ -682,7 +681,7 @@ def robots() -> dict[str, KnownRobot]:
         )
     }
     for name, entry in CATALOGUE.items():
-        robot = load_robot(name) if installed else None
+        robot = load_robot(name) if installed or entry.own else None
         found = (
             (None, None, None)
             if robot is None
@@ -693,7 +692,9 @@ def robots() -> dict[str, KnownRobot]:
 
 
 def _licence(entry: CatalogueRobot) -> str | None:
-    """What the page beside a robot's files says."""
+    """What the page beside a robot's files says; this library's for its own."""
+    if entry.own:
+        return "BSD-2-Clause"
     page = entry.path().parents[1] / "README.md"
     text = page.read_text(errors="replace") if page.is_file() else ""
     found = re.search(r"^licen[cs]e: *(.+?) *$", text, re.MULTILINE | re.IGNORECASE)
