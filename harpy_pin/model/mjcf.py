@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import re
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -22,14 +22,14 @@ from numpy.typing import ArrayLike, NDArray
 from harpy_pin import checks
 from harpy_pin.errors import InputError, install_line, shown
 from harpy_pin.model.flat_foot import SOLE_DEPTH, FlatFoot, find_sole
-from harpy_pin.model.loops import Tie
+from harpy_pin.model.loops import Coupling, Loop, Tie, joints_of
 from harpy_pin.model.mjcf_options import enabled_actuators, in_effect
 from harpy_pin.model.state import Vector
 from harpy_pin.model.tree import tree_record
 from harpy_pin.model.urdf import check_bodies, robot_errors
 
 FREE, BALL, SLIDE, HINGE = range(4)  # ``mujoco.mjtJoint``
-JOINT_IN_PARENT, TENDON = 1, 3  # ``mujoco.mjtTrn``; a joint's own is 0
+JOINT_IN_PARENT, TENDON, SITE = 1, 3, 3  # ``mujoco.mjtTrn``, whose joint is 0, and ``mjtWrap``
 FIXED_GAIN, NO_BIAS, NO_DYNAMICS = 0, 0, 0  # ``mujoco.mjtGain``, ``mjtBias``, ``mjtDyn``
 UNNAMED = "MuJoCo Model"
 """Name of a model whose file gives none."""
@@ -70,6 +70,7 @@ class Description:
         radii: of the spheres around the points of other frames, m.
         ties: closed loops and couplings.
         undriven: Pinocchio's numbers of the joints without a motor.
+        start: (all joints,) angles from which closed loops are searched; None for zero.
     """
 
     model: pin.Model
@@ -78,6 +79,7 @@ class Description:
     radii: Mapping[str, float] = field(default_factory=dict)
     ties: Sequence[Tie] = ()
     undriven: Sequence[int] = ()
+    start: Vector | None = None
 
 
 def read_mujoco(model: Any, frames: Sequence[str], label: str) -> Description:
@@ -100,7 +102,8 @@ def read_mujoco(model: Any, frames: Sequence[str], label: str) -> Description:
 
     Raises:
         InputError: no body has a free joint, or the robot has what no tree of rigid bodies has: a
-            ball joint, an active equality constraint, or a motor that pushes one way only.
+            ball joint, an equality constraint that is no loop, or a motor that pushes one way
+            only.
         RobotError: as :func:`harpy_pin.model.urdf.check_bodies`.
     """
     model = in_effect(model)
@@ -112,7 +115,13 @@ def read_mujoco(model: Any, frames: Sequence[str], label: str) -> Description:
     built.name = Path(label).stem if name == UNNAMED else name
     tree_record(built)
     check_bodies(built)
-    left = left_out(model, bodies, joints)
+    ties = read_ties(model, built, held)
+    undriven = [
+        built.getJointId(joint_name(model, joint))
+        for joint in joints[~np.isin(joints, driven_joints(model)[enabled_actuators(model)])]
+    ]
+    tied = {built.names[j] for tie in ties for j in joints_of(built, tie)}
+    left = left_out(model, bodies, joints, tied)
     if not np.array_equal(model.opt.gravity, pin.Model().gravity.linear):
         left.append(
             f"gravity {model.opt.gravity} m/s², which the robot's model has, but no gait and no "
@@ -145,7 +154,8 @@ def read_mujoco(model: Any, frames: Sequence[str], label: str) -> Description:
             radii[name] = sphere_radius(
                 model, geoms, places, built.frames[frame].placement.translation
             )
-    return Description(built, posture, soles, radii)
+    start = np.array(model.qpos0[model.jnt_qposadr[joints]]) if posture is None else posture
+    return Description(built, posture, soles, radii, ties, undriven, start)
 
 
 def touching_geoms(model: Any) -> NDArray[np.bool_]:
@@ -242,15 +252,71 @@ def _refuse(model: Any, bodies: NDArray[np.int64], joints: NDArray[np.int64]) ->
 
 
 def refuse_loops(model: Any, bodies: NDArray[np.int64]) -> None:
-    """Refuse an active equality constraint that holds one of these bodies."""
+    """Refuse an active equality constraint on one of these bodies that is no loop of the robot."""
     for number in np.flatnonzero(model.eq_active0).tolist():
         kind = import_mujoco().mjtEq(model.eq_type[number]).name.removeprefix("mjEQ_").lower()
-        if np.isin(_tied_bodies(model, number, kind), bodies).any():
+        held = np.isin(_tied_bodies(model, number, kind), bodies)
+        if not held.any():
+            continue
+        loop = {"connect": 2, "joint": 2, "tendon": 2}.get(kind) == len(held) and held.all()
+        if kind == "tendon":
+            first = model.tendon_adr[model.eq_obj1id[number]]
+            loop = loop and bool(np.all(model.wrap_type[first : first + 2] == SITE))
+        if kind != "connect":
+            loop = loop and not model.eq_data[number, 2 if kind == "joint" else 1 : 5].any()
+        if not loop:
             name = f" '{model.equality(number).name}'" if model.equality(number).name else ""
             message = f"the equality constraint <{kind}>{name} of the MuJoCo model holds the robot"
             raise InputError(
-                f"{message}: closed loops and couplings are not supported", name="model"
+                f"{message} otherwise than a loop: supported are <connect> of two of its bodies, "
+                "<joint>, linear, of two joints, and <tendon> of one tendon between two sites",
+                name="model",
             )
+
+
+def read_ties(
+    model: Any, built: pin.Model, held: Mapping[int, tuple[int, pin.SE3]]
+) -> tuple[Tie, ...]:
+    """Loops and couplings of a MuJoCo model; frames of their ends are added to Pinocchio's.
+
+    Args:
+        model: ``mujoco.MjModel``, all of whose equality constraints :func:`refuse_loops` lets pass.
+        built: Pinocchio's.
+        held: of each body of the robot the joint that moves it, and its place in its frame.
+    """
+    kinds, found = import_mujoco().mjtEq, list[Tie]()
+    acting = driven_joints(model)[enabled_actuators(model)]
+    for number in np.flatnonzero(model.eq_active0).tolist():
+        kind, data = model.eq_type[number], model.eq_data[number]
+        ends = [int(model.eq_obj1id[number]), int(model.eq_obj2id[number])]
+        if not np.isin(
+            _tied_bodies(model, number, kinds(kind).name.removeprefix("mjEQ_").lower()), list(held)
+        ).any():
+            continue
+        if kind == kinds.mjEQ_JOINT:
+            rest = [float(model.qpos0[model.jnt_qposadr[end]]) for end in ends]
+            names, ratio = [joint_name(model, end) for end in ends], float(data[1])
+            offset = rest[0] + float(data[0]) - ratio * rest[1]
+            if ends[0] in acting and ends[1] not in acting and ratio != 0.0:
+                names, ratio, offset = names[::-1], 1.0 / ratio, -offset / ratio
+            found.append(Coupling(*names, ratio, offset))
+            continue
+        sites, length = kind == kinds.mjEQ_TENDON, 0.0
+        if sites:
+            first = model.tendon_adr[ends[0]]
+            length = float(model.tendon_length0[ends[0]] + data[0])
+            ends = model.wrap_objid[first : first + 2].tolist()
+        elif model.eq_objtype[number] == int(import_mujoco().mjtObj.mjOBJ_SITE):
+            sites = True
+        names = [f"loop:{number}:{end}" for end in ("first", "second")]
+        for k, (name, end) in enumerate(zip(names, ends, strict=True)):
+            body = int(model.site_bodyid[end]) if sites else end
+            joint, place = held[body]
+            at = model.site_pos[end] if sites else data[3 * k : 3 * k + 3]
+            place = place * pin.SE3(np.eye(3), np.array(at))
+            built.addFrame(pin.Frame(name, joint, place, pin.FrameType.OP_FRAME))
+        found.append(Loop(*names, "length" if length else "point", length))
+    return tuple(found)
 
 
 def _tied_bodies(model: Any, number: int, kind: str) -> Any:
@@ -407,8 +473,12 @@ def joint_name(model: Any, number: int) -> str:
     )
 
 
-def left_out(model: Any, bodies: NDArray[np.int64], joints: NDArray[np.int64]) -> list[str]:
-    """What a tree of rigid bodies has no place for, each in some words that name where it is."""
+def left_out(
+    model: Any, bodies: NDArray[np.int64], joints: NDArray[np.int64], tied: Collection[str] = ()
+) -> list[str]:
+    """What a tree of rigid bodies has no place for, each in some words that name where it is;
+    ``tied`` joints need no actuator.
+    """
     base, dofs, free = (
         [body_name(model, bodies[0])],
         model.jnt_dofadr[joints],
@@ -465,7 +535,11 @@ def left_out(model: Any, bodies: NDArray[np.int64], joints: NDArray[np.int64]) -
         named(
             "a state of its own of actuator", actuators, model.actuator_dyntype[mine] != NO_DYNAMICS
         ),
-        named("no actuator of joint", names, ~acting.any(axis=1) & acting.any()),
+        named(
+            "no actuator of joint",
+            names,
+            ~acting.any(axis=1) & acting.any() & ~np.isin(names, list(tied)),
+        ),
         named("a spring of the free joint of body", base, springs[free]),
         named(
             "damping of the free joint of body",

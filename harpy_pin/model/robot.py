@@ -526,7 +526,7 @@ def load_robot(
         angles = known.posture(model)
     ties = (*read.ties, *read_loops(loops or known.loops, model))
     if ties:
-        closing = find_loops(model, ties, read.undriven, _start(model, angles))
+        closing = find_loops(model, ties, read.undriven, _start(model, angles, read.start))
         angles = None if angles is None else np.delete(angles, np.array(closing.passive) - 2)
     for kind, names in (("foot", feet), ("thruster", mounts)):
         if len(set(names)) != len(names):
@@ -578,12 +578,13 @@ def load_robot(
     return robot if joints is None else robot.with_joints(read_joints(joints))
 
 
-def _start(model: pin.Model, angles: Vector | None) -> Vector:
+def _start(model: pin.Model, *known: Vector | None) -> Vector:
     """(all joints,) from which closed loops are searched: those of the file, or zero or the next
     limit.
     """
-    if angles is not None:
-        return angles
+    for angles in known:
+        if angles is not None:
+            return angles
     return np.asarray(np.clip(0.0, model.lowerPositionLimit[7:], model.upperPositionLimit[7:]))
 
 
