@@ -60,30 +60,28 @@ def four_bar(folder: Path) -> hp.Robot:
     parts, loops = [link("base", 8.0, size=0.3)], []
     for side, s in SIDES:
         parts += [
-            link(f"{side}_hip", 0.4, (0.0, 0.03 * s, 0.0)),
-            joint(f"{side}_hip_roll", "base", f"{side}_hip", (0.0, 0.1 * s, -0.1), "1 0 0"),
+            link(f"{side}_hip", 0.4, (0.0, 0.0, 0.0)),
+            joint(f"{side}_hip_roll", "base", f"{side}_hip", (0.0, 0.08 * s, -0.1), "1 0 0"),
             link(f"{side}_thigh", 1.0, (0.01, 0.0, -0.14), 0.2),
-            joint(f"{side}_hip_pitch", f"{side}_hip", f"{side}_thigh", (0.0, 0.05 * s, 0.0)),
-            link(f"{side}_crank", 0.1, (0.0, 0.0, -0.03), 0.05),
-            joint(f"{side}_knee", f"{side}_thigh", f"{side}_crank", (0.025, 0.0, -0.28)),
-            link(f"{side}_shank", 0.5, (0.0, 0.0, -0.12), 0.2),
+            joint(f"{side}_hip_pitch", f"{side}_hip", f"{side}_thigh", (0.0, 0.0, 0.0)),
+            link(f"{side}_crank", 0.1, (-0.03, 0.0, 0.0), 0.05),
+            joint(f"{side}_knee", f"{side}_thigh", f"{side}_crank", (0.0, 0.0, -0.05), reach=0.9),
+            link(f"{side}_rod", 0.08, (0.0, 0.0, -0.11), 0.1),
             joint(
-                f"{side}_front", f"{side}_crank", f"{side}_shank", (0.005, 0.0, -0.06), effort=0.0
+                f"{side}_rod_joint", f"{side}_crank", f"{side}_rod", (-0.035, 0.0, -0.035), effort=0.0
             ),
-            link(f"{side}_rocker", 0.08, (0.0, 0.0, -0.03), 0.05),
-            joint(
-                f"{side}_back", f"{side}_thigh", f"{side}_rocker", (-0.025, 0.0, -0.29), effort=0.0
-            ),
-            frame(f"{side}_rocker_end", f"{side}_rocker", (0.01, 0.0, -0.06)),
-            frame(f"{side}_shank_end", f"{side}_shank", (-0.045, 0.0, -0.01)),
+            link(f"{side}_shank", 0.4, (0.0, 0.0, -0.1), 0.2),
+            joint(f"{side}_hinge", f"{side}_thigh", f"{side}_shank", (0.0, 0.0, -0.28), effort=0.0),
+            frame(f"{side}_rod_end", f"{side}_rod", (0.002, 0.0, -0.225)),
+            frame(f"{side}_lever", f"{side}_shank", (-0.033, 0.0, -0.03)),
             frame(f"{side}_foot", f"{side}_shank", (0.0, 0.0, -0.28)),
         ]
-        loops.append((f"{side}_rocker_end", f"{side}_shank_end", "point"))
+        loops.append((f"{side}_rod_end", f"{side}_lever", "point"))
     return hp.load_robot(
         written(folder, "four_bar", parts),
         feet=("left_foot", "right_foot"),
         loops=loops,
-        posture=(0.0, -0.5, 0.7) * 2,
+        posture=(0.0, -0.4, 0.74) * 2,
     )
 
 
