@@ -68,7 +68,11 @@ def four_bar(folder: Path) -> hp.Robot:
             joint(f"{side}_knee", f"{side}_thigh", f"{side}_crank", (0.0, 0.0, -0.05), reach=0.9),
             link(f"{side}_rod", 0.08, (0.0, 0.0, -0.11), 0.1),
             joint(
-                f"{side}_rod_joint", f"{side}_crank", f"{side}_rod", (-0.035, 0.0, -0.035), effort=0.0
+                f"{side}_rod_joint",
+                f"{side}_crank",
+                f"{side}_rod",
+                (-0.035, 0.0, -0.035),
+                effort=0.0,
             ),
             link(f"{side}_shank", 0.4, (0.0, 0.0, -0.1), 0.2),
             joint(f"{side}_hinge", f"{side}_thigh", f"{side}_shank", (0.0, 0.0, -0.28), effort=0.0),
@@ -182,7 +186,7 @@ def across(folder: Path) -> hp.Robot:
         link("four", 0.2, (0.0, 0.0, -0.05)),
         joint("d", "three", "four", (0.0, 0.0, -0.2), "0.6 0.8 0"),
         frame("tip_two", "two", (0.0, 0.0, -0.15)),
-        frame("tip_three", "three", (0.01, 0.0, -0.18)),
+        frame("tip_three", "three", (-0.2, 0.0, 0.05)),
         frame("tip_four", "four", (0.0, 0.0, -0.15)),
     ]
     return hp.load_robot(
