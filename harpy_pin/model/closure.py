@@ -46,19 +46,20 @@ def close_loops(t: TreeRecord, q: Vector, v: Vector) -> None:
     c = t.loops
     driven, searches = c.move.shape[0], 1
     here, passive = c.q[7 : 7 + driven], c.q[7 + driven :]
+    given = q[7 : 7 + driven]
     c.q[:7], c.v[:6] = q[:7], v[:6]
-    far = np.max(abs(q[7:] - here))
+    far = np.max(abs(given - here))
     if c.closed == 0 or not far <= JUMP:
         c.q[7:] = c.start
-        searches = 1 + int(min(np.max(abs(q[7:] - here)) / JUMP, FARTHEST))
+        searches = 1 + int(min(np.max(abs(given - here)) / JUMP, FARTHEST))
         c.closed = _search(t)
-    c.move[:] = (q[7:] - here) / searches
+    c.move[:] = (given - here) / searches
     for _ in range(searches):
         here += c.move
         passive += c.spread[driven:] @ c.move
         c.closed = _search(t)
-    here[:] = q[7:]
-    c.v[6:] = c.spread @ v[6:]
+    here[:] = given
+    c.v[6:] = c.spread @ v[6 : 6 + driven]
 
 
 @kernel

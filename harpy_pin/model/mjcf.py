@@ -289,15 +289,19 @@ def read_ties(
     for number in np.flatnonzero(model.eq_active0).tolist():
         kind, data = model.eq_type[number], model.eq_data[number]
         ends = [int(model.eq_obj1id[number]), int(model.eq_obj2id[number])]
-        if not np.isin(
-            _tied_bodies(model, number, kinds(kind).name.removeprefix("mjEQ_").lower()), list(held)
-        ).any():
+        word = kinds(kind).name.removeprefix("mjEQ_").lower()
+        if not np.isin(_tied_bodies(model, number, word), [body for body in held if body]).any():
             continue
         if kind == kinds.mjEQ_JOINT:
             rest = [float(model.qpos0[model.jnt_qposadr[end]]) for end in ends]
             names, ratio = [joint_name(model, end) for end in ends], float(data[1])
             offset = rest[0] + float(data[0]) - ratio * rest[1]
-            if ends[0] in acting and ends[1] not in acting and ratio != 0.0:
+            if ends[0] in acting and ends[1] in acting:
+                raise InputError(
+                    f"joints '{names[0]}' and '{names[1]}' are coupled and both have a motor, "
+                    "which is not supported"
+                )
+            if ends[0] in acting and ratio != 0.0:
                 names, ratio, offset = names[::-1], 1.0 / ratio, -offset / ratio
             found.append(Coupling(*names, ratio, offset))
             continue

@@ -338,10 +338,12 @@ class MujocoBridge(Conventions):
             order = [
                 here.built.getJointId(joint_name(here.model, n)) - ROOT - 1 for n in self._tree
             ]
-            q = pin.neutral(here.built)
+            q, spread = pin.neutral(here.built), np.zeros((here.built.nv, robot.nv))
             q[7:][order] = own.angles
-            residual = residual_of(here.built, ties, q)[0]
-            rows, left = rows - len(residual), float(np.abs(residual).max())
+            spread[6:][order] = robot.velocity_map(robot.reference)[6:]
+            residual, slope = residual_of(here.built, ties, q)
+            rows -= len(residual)
+            left = max(np.abs(residual).max(), np.abs(slope @ spread).max())
         if rows != 0 or left > MAX_OPEN or bool(ties) != (own is not None):
             raise InputError("the MuJoCo model has other closed loops than the robot", name="model")
 
