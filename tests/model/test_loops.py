@@ -9,16 +9,13 @@ from tempfile import mkdtemp
 import numpy as np
 import pinocchio as pin
 import pytest
-from looped_robots import ROBOTS, frame, joint, link, written
-from same_optimum import same_optimum
+from looped_robots import ROBOTS
 
 import harpy_pin as hp
-from harpy_pin.errors import InputError, RobotError
 from harpy_pin.kernels import kernel
 from harpy_pin.model.loops import Coupling
 from harpy_pin.model.posed import Posed
 from harpy_pin.model.terms import inverse_dynamics
-from harpy_pin.wbc import WholeBodyLimits, WholeBodyWeights
 
 WORLD_AXES = pin.LOCAL_WORLD_ALIGNED
 STATES = 125  # of each robot
