@@ -75,7 +75,7 @@ class Posed:
         return np.asarray(self._map.T @ full @ self._map)
 
     @property
-    def weight(self) -> Vector:
+    def holding(self) -> Vector:
         """(nv,) generalised forces that hold the robot against gravity."""
         model = self.robot.model
         full = pin.computeGeneralizedGravity(model, model.createData(), self.tree)

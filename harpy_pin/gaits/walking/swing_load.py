@@ -33,7 +33,7 @@ def holding_load(robot: Robot, q: Vector, group: NDArray[np.int64]) -> float:
     group of feet swings, as a share of their limits.
     """
     posed, limit, found, worst = Posed(robot, q), robot.torque_limit, legs(robot), 0.0
-    weight = posed.weight
+    weight = posed.holding
     for swinging in range(int(group.max()) + 1):
         holding = [
             leg for leg, number in zip(found, group, strict=True) if number != swinging

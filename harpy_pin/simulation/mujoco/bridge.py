@@ -18,14 +18,8 @@ from harpy_pin.kernels import kernel
 from harpy_pin.model.dynamics import DynamicsRecord, dynamics_record
 from harpy_pin.model.entry import as_command
 from harpy_pin.model.loops import residual_of
-from harpy_pin.model.mjcf import (
-    driven_joints,
-    joint_name,
-    plain_name,
-    read_ties,
-    refuse_loops,
-    sphere_radius,
-)
+from harpy_pin.model.mjcf import plain_name, sphere_radius
+from harpy_pin.model.mjcf_loops import driven_joints, joint_name, read_ties, refuse_loops
 from harpy_pin.model.mjcf_options import enabled_actuators
 from harpy_pin.model.record import RecordOf, make_record
 from harpy_pin.model.robot import Robot

@@ -27,7 +27,7 @@ from harpy_pin.errors import InputError, shown
 from harpy_pin.kernels import kernel
 from harpy_pin.model.memory import fixed_arrays
 from harpy_pin.model.mjcf import find_joints, free_joint
-from harpy_pin.model.mjcf import import_mujoco as import_mujoco
+from harpy_pin.model.mjcf_loops import import_mujoco as import_mujoco
 from harpy_pin.model.record import RecordOf, Records, make_record
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import State, Vector

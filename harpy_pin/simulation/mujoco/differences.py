@@ -12,7 +12,8 @@ import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
 from harpy_pin.errors import InputError
-from harpy_pin.model.mjcf import build_tree, joint_name, left_out, named, placement
+from harpy_pin.model.mjcf import build_tree, left_out, named, placement
+from harpy_pin.model.mjcf_loops import joint_name
 from harpy_pin.model.mjcf_options import disabled, in_effect
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
