@@ -48,6 +48,8 @@ def close_loops(t: TreeRecord, q: Vector, v: Vector) -> None:
     here, passive = c.q[7 : 7 + driven], c.q[7 + driven :]
     given = q[7 : 7 + driven]
     c.q[:7], c.v[:6] = q[:7], v[:6]
+    for m in range(c.above.shape[0]):
+        place_body(t, q, c.above[m])
     far = np.max(abs(given - here))
     if c.closed == 0 or not far <= JUMP:
         c.q[7:] = c.start
@@ -161,6 +163,9 @@ def accelerate_loops(t: TreeRecord, acceleration: Vector) -> None:
     """
     c = t.loops
     driven = c.move.shape[0]
+    for m in range(c.above.shape[0]):
+        i = c.above[m]
+        t.drift[i] = accelerated(t, i, c.v[t.column[i]])
     for m in range(c.moved.shape[0]):
         i = c.moved[m]
         t.drift[i] = accelerated(t, i, c.v[t.column[i]])

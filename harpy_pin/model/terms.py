@@ -225,10 +225,12 @@ def _jacobian(t: TreeRecord, i: int, p: Vector, out: Vector) -> None:
     while t.parent.shape[0] > 1 and i > 0:  # a compiler sees that a single body has none above it
         s = t.screw[i]
         column = r @ (s[:3] + np.cross(s[3:], p))
-        if t.loops.start.shape[0] > 0:
-            out[:, 6:] += np.outer(column, t.loops.spread[t.column[i] - 6])
-        else:
+        if t.loops.start.shape[0] == 0:
             out[:, t.column[i]] = column
+        elif t.column[i] < out.shape[1]:
+            out[:, t.column[i]] += column
+        else:
+            out[:, 6:] += np.outer(column, t.loops.spread[t.column[i] - 6])
         i = t.parent[i]
     out[:, :3], out[:, 3:6] = r, r @ skew(p).T
 

@@ -37,7 +37,8 @@ class LoopsRecord(RecordOf):
     coupling: NDArray[np.int64]  # (couplings, 2) joints, the one that follows and its leader
     ratio: Vector  # (couplings,)
     shift: Vector  # (couplings,) rad
-    moved: NDArray[np.int64]  # bodies whose placement the equations need, parents first
+    above: NDArray[np.int64]  # bodies above all loops, parents first
+    moved: NDArray[np.int64]  # bodies on the ways round, and between them, parents first
     start: Vector  # (tied,) angles at which the loops are closed, rad
     q: Vector = sized("tied + 7")  # configuration of the tree: base, driven, passive
     v: Vector = sized("tied + 6")  # its velocity
@@ -175,6 +176,10 @@ def _loops_record(
     start = np.zeros(tied)
     if loops is not None:
         start[column[1:] - 6] = loops.angles
+    ways = {j - 1 for both in above for one in both for j in one if j > 1}
+    around = {j for one, other in above for j in one ^ other}
+    around |= set() if loops is None else {*loops.passive}
+    inside = {j - 1 for j in range(model.njoints) if around & set(model.supports[j])}
     sizes = {"driven": tied - passive, "passive": passive, "tied": tied, "rows": len(slope)}
     return make_record(
         LoopsRecord,
@@ -191,9 +196,8 @@ def _loops_record(
         coupling=np.array(pairs, np.int64).reshape(-1, 2),
         ratio=np.array([tie.ratio for tie in couplings]),
         shift=np.array([tie.offset for tie in couplings]),
-        moved=np.array(
-            sorted({j - 1 for both in above for one in both for j in one if j > 1}), np.int64
-        ),
+        above=np.array(sorted(ways - inside), np.int64),
+        moved=np.array(sorted(ways & inside), np.int64),
         start=start,
         slope=slope,
         spread=np.eye(tied, tied - passive),
