@@ -93,10 +93,6 @@ def read_loops(given: Any, model: pin.Model) -> tuple[Loop, ...]:
     """
     data, found = model.createData(), []
     pin.framesForwardKinematics(model, data, pin.neutral(model))
-    if isinstance(given, str) or not isinstance(given, Sequence):
-        raise InputError(
-            f"loops must be a tuple of (frame, frame, kind), got {shown(given)}", name="loops"
-        )
     for entry in given:
         if isinstance(entry, str) or not isinstance(entry, Sequence) or len(entry) != 3:
             raise InputError(

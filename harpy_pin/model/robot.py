@@ -488,6 +488,9 @@ def load_robot(
     """
     if not isinstance(thrust_limit, float) or thrust_limit != np.inf:
         thrust_limit = checks.number("thrust_limit", thrust_limit, low=0.0, strict=True)
+    if isinstance(loops, str) or not isinstance(loops, Sequence):
+        message = f"loops must be a tuple of (frame, frame, kind), got {shown(loops)}"
+        raise InputError(message, name="loops", value=loops)
     listed = None if is_model(urdf) else catalogue_robot(urdf)
     known = listed or CatalogueRobot("", (), {})
     path = None if is_model(urdf) else known.path() if listed else checks.path("urdf", urdf)

@@ -18,11 +18,11 @@ import harpy_pin
 ROOT = Path(__file__).resolve().parents[2]
 CONTRIB = "harpy_pin/contrib/"
 STATEMENTS = {
-    "harpy_pin": 25_450,
+    "harpy_pin": 26_200,
     CONTRIB: 5_450,
     "reproduction": 2_100,
     "comparison": 7_080,
-    "tests": 28_100,
+    "tests": 28_550,
 }
 """Most statements of the Python files that Git tracks in a folder; ``harpy_pin`` is without
 contrib.
@@ -30,7 +30,7 @@ contrib.
 LONGEST_FILE = 350
 """Most statements of a file."""
 MOST_PUBLIC_NAMES = 73
-MOST_WORDS = 19_310
+MOST_WORDS = 19_650
 """Of prose in README, docs and notebooks, without tables, code, formulas and comments."""
 
 
