@@ -226,7 +226,7 @@ def _xyz(vector: Any) -> list[float]:
 
 def _checked(found: Signals, robot: Robot) -> Signals:
     """The sensors alone, of the robot's sizes and in their units."""
-    places = [joint.idx_q for joint in list(robot.model.joints)[2:]]
+    places = robot.layout[0]
     if (
         "joint_position" not in found
         and "q" in found
