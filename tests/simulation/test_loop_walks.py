@@ -18,6 +18,10 @@ from harpy_pin.errors import InputError
 from harpy_pin.export.exported_controllers import exportable_walk
 from harpy_pin.export.folder import write_folder
 from harpy_pin.export.recording import answers, record
+from harpy_pin.gaits.straight import GaitParameters, StraightGait
+from harpy_pin.model.catalogue import CATALOGUE, own_urdf
+from harpy_pin.model.kinematics import LegGeometry, leg_inverse_kinematics, leg_jacobian
+from harpy_pin.model.posed import Posed
 from harpy_pin.simulation.mujoco import MujocoPlant
 from harpy_pin.simulation.pinocchio_plant import PinocchioPlant
 from harpy_pin.view.scene.frames import _placements
@@ -149,3 +153,54 @@ def test_what_does_not_know_loops_says_so():
     state = hp.State(0.0, q, v, *np.zeros((3, 2, 3)))
     with pytest.raises(InputError, match="has loops, which only the condensed"):
         hp.wbc.FrameTask("base").rows(dynamics, state)
+
+
+@cache
+def governed():
+    """Harpy as it is built with the thrusters that the paper has: fixed, in any direction."""
+    text = own_urdf("harpy_built.urdf").read_text()
+    for side in ("left", "right"):
+        joint = f'<joint name="{side}_tilt" type='
+        text = text.replace(f'{joint}"revolute">', f'{joint}"fixed">')
+    path = Path(mkdtemp()) / "fixed_fans.urdf"
+    path.write_text(text)
+    return hp.load_robot(
+        path,
+        feet=("left_foot", "right_foot"),
+        thrusters=("left_thruster", "right_thruster"),
+        thrust_limit=53.0,
+        loops=CATALOGUE["harpy_built"].loops,
+        posture=np.zeros(6),
+    )
+
+
+@pytest.mark.parametrize("foot", ["left_foot", "right_foot"])
+def test_a_parallelogram_is_a_leg_of_harpys_kind(foot):
+    """Its inverse kinematics in closed form; the rod is off a parallelogram's by 0.04 mm."""
+    robot, rng = governed(), np.random.default_rng(0)
+    geometry, own = LegGeometry.from_robot(robot, foot), 7 + 3 * robot.feet.index(foot)
+    for _ in range(50):
+        q = robot.reference
+        q[7:] = rng.uniform(-0.6, 0.6, 6)
+        place = Posed(robot, q).frame(foot).translation
+        found = q.copy()
+        found[own : own + 3] = leg_inverse_kinematics(geometry, place)
+        np.testing.assert_allclose(found, q, rtol=0, atol=1e-3)
+        near = Posed(robot, found).frame(foot).translation
+        np.testing.assert_allclose(near, place, rtol=0, atol=1e-4)
+        jacobian = np.zeros((3, 3))
+        leg_jacobian(geometry.record[0], q[own : own + 3], jacobian)
+        expected = Posed(robot, q).jacobian(foot)[:3, own - 1 : own + 2]
+        np.testing.assert_allclose(jacobian, expected, rtol=0, atol=1e-3)
+
+
+@pytest.mark.parametrize("plant", ["compliant", "mujoco"])
+@pytest.mark.parametrize("controller", ["governed", "condensed"])
+def test_the_papers_walk_on_harpy_as_built(controller, plant):
+    if plant == "mujoco":
+        pytest.importorskip("mujoco")
+    parameters = GaitParameters(speed=0.2, height=0.5, width=0.13, penetration_offset=0.006)
+    gait = StraightGait(governed(), parameters)
+    run = hp.walk(hp.Scenario(controller=controller, plant=plant, duration=3.0), gait=gait)
+    assert run.ending == "completed"
+    assert run["q"][-1, 0] == pytest.approx(0.6, abs=0.05)
