@@ -18,10 +18,10 @@ import harpy_pin
 ROOT = Path(__file__).resolve().parents[2]
 CONTRIB = "harpy_pin/contrib/"
 STATEMENTS = {
-    "harpy_pin": 26_200,
+    "harpy_pin": 26_230,
     CONTRIB: 5_450,
     "reproduction": 2_100,
-    "comparison": 7_080,
+    "comparison": 7_130,
     "tests": 28_550,
 }
 """Most statements of the Python files that Git tracks in a folder; ``harpy_pin`` is without
