@@ -162,7 +162,7 @@ class JointPD:
             JointPDRecord,
             {
                 **robot.sizes,
-                "nq": robot.model.nq,
+                "nq": robot.nq,
                 "joints": len(robot.joints),
                 "rows": 3 * corners,
                 "chain": joint.shape[1],

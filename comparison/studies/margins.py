@@ -112,13 +112,13 @@ def joint_mobility(robot: Robot, q: Vector, *, held: Sequence[str] = ()) -> Vect
         held: names of the feet that the ground holds.
     """
     d = Dynamics(robot)
-    d.update(q, np.zeros(robot.model.nv))
+    d.update(q, np.zeros(robot.nv))
     inverse = np.linalg.inv(d.mass_matrix)
     rows = [3 * robot.feet.index(name) + i for name in held for i in range(3)]
     if rows:
         moved = d.foot_jacobian[rows] @ inverse
         inverse = inverse - moved.T @ np.linalg.pinv(moved @ d.foot_jacobian[rows].T) @ moved
-    first = robot.model.nv - len(robot.joints)
+    first = robot.nv - len(robot.joints)
     return np.array(inverse[first:, first:], dtype=np.float64)
 
 
@@ -147,7 +147,7 @@ def joint_loop(
     count = len(robot.joints)
     chosen = list(range(count) if joints is None else joints)
     mobility = joint_mobility(robot, q, held=held)[np.ix_(chosen, chosen)]
-    friction = np.diag(np.array(robot.model.damping)[robot.model.nv - count :][chosen])
+    friction = np.diag(np.array(robot.model.damping)[robot.nv - count :][chosen])
     zero = np.zeros((len(chosen), len(chosen)))
     return DelayedLoop(
         a=np.block([[zero, np.eye(len(chosen))], [zero, -mobility @ friction]]),

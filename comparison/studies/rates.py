@@ -124,7 +124,7 @@ def _optima(settings: Job) -> list[float]:
         standing = hp.Standing(robot)
         q = np.tile(standing.initial_state()[0], (n, 1)).astype(dtype)
         q[:, 7:] += 0.02 * random.standard_normal((n, q.shape[1] - 7)).astype(dtype)
-        v = 0.05 * random.standard_normal((n, robot.model.nv)).astype(dtype)
+        v = 0.05 * random.standard_normal((n, robot.nv)).astype(dtype)
         force = np.zeros((n, len(robot.feet), 3), dtype)
         force[:, :, 2] = robot.mass * 9.81 / len(robot.feet)
     rates = _rates(n, settings["rounds"] + 1, lambda: batch.step(q, v, force))

@@ -23,10 +23,9 @@ def info(
     from harpy_pin.model.source import loaded_robot
 
     robot = loaded_robot(read_robot_options(named, feet, None))
-    model = robot.model
     table = Table(
         *("joint", "lower rad", "upper rad", "torque N·m", "armature kg·m²"),
-        title=f"{robot.name}: {robot.mass:.3f} kg, nq {model.nq}, nv {model.nv}",
+        title=f"{robot.name}: {robot.mass:.3f} kg, nq {robot.nq}, nv {robot.nv}",
         caption=f"feet {', '.join(robot.feet) or 'none'}",
     )
     if robot.thrusters:
@@ -37,7 +36,7 @@ def info(
         robot.joint_lower,
         robot.joint_upper,
         robot.torque_limit,
-        model.armature[6:],
+        robot.armature,
         strict=True,
     )
     for name, lower, upper, torque, armature in rows:

@@ -162,7 +162,7 @@ def _notes(robot: Robot) -> Iterator[str]:
     from harpy_pin.model.legs import legs
 
     found, turns = legs(robot), robot.joint_upper - robot.joint_lower
-    wheels = [leg.points[0] for leg in found if leg.hub and turns[leg.joints[-1] - 2] > ENDLESS]
+    wheels = [leg.points[0] for leg in found if leg.hub and turns[leg.columns[-1] - 6] > ENDLESS]
     if wheels:
         yield (
             f"{', '.join(wheels)} on joints that turn without end: wheels do not roll here, they "

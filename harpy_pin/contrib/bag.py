@@ -226,12 +226,12 @@ def _xyz(vector: Any) -> list[float]:
 
 def _checked(found: Signals, robot: Robot) -> Signals:
     """The sensors alone, of the robot's sizes and in their units."""
-    places = [joint.idx_q for joint in list(robot.model.joints)[2:]]
+    places = robot.layout[0]
     if (
         "joint_position" not in found
         and "q" in found
         and found["q"].ndim == 2
-        and found["q"].shape[1] == robot.model.nq
+        and found["q"].shape[1] == robot.nq
     ):
         found["joint_position"], found["joint_velocity"] = found["q"][:, places], found["v"][:, 6:]
     found.setdefault("joint_torque", found.get("torque", np.zeros(0)))
@@ -266,8 +266,8 @@ def _checked(found: Signals, robot: Robot) -> Signals:
     }
     sizes |= {
         "foot_force": len(robot.feet),
-        "q": robot.model.nq,
-        "v": robot.model.nv,
+        "q": robot.nq,
+        "v": robot.nv,
         "thrust": 3 * len(robot.thrusters),
     }
     kept = {"t": t}
@@ -316,7 +316,7 @@ def estimate_log(
     period = float(np.median(np.diff(t)))
     estimator = Estimator(robot, imu, period=period)
     if "q" in s:
-        estimator.reset(s["q"][0], s.get("v", [np.zeros(robot.model.nv)])[0])
+        estimator.reset(s["q"][0], s.get("v", [np.zeros(robot.nv)])[0])
     rows: dict[str, list[Any]] = {
         name: [] for name in ("foot_position", "foot_velocity", *estimator.signals)
     }

@@ -197,8 +197,7 @@ class CondensedBatch(KeepsViews):
         ends = [np.zeros((n, size), np.int64) for size in (feet, feet, joints, joints)]
         multiplier, target = np.zeros((n, joints)), np.zeros((n, *motors["target"].shape[1:]))
         self._memory = (*ends, np.zeros(n, np.int64), multiplier, np.zeros(n, np.int64), target)
-        model = robot.model
-        self._shapes = {"q": (n, model.nq), "v": (n, model.nv), "foot_force": (n, feet, 3)}
+        self._shapes = {"q": (n, robot.nq), "v": (n, robot.nv), "foot_force": (n, feet, 3)}
 
     @property
     def targets(self) -> BatchTargets:

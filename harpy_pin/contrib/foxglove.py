@@ -104,7 +104,7 @@ def write_mcap(run: Run, path: str | Path, robot: Robot) -> None:
         return m.SceneUpdate(entities=entities)
 
     def frames(k: int) -> Any:
-        pin.framesForwardKinematics(model, data, run["q"][k])
+        pin.framesForwardKinematics(model, data, robot.closed(run["q"][k]))
         found = []
         for number, name in links:
             x, y, z, *turn = pin.SE3ToXYZQUAT(data.oMf[number]).tolist()

@@ -64,7 +64,7 @@ class ShieldBatch(KeepsViews):
         self._loop = ShieldLoop(
             robot, self.n, mu=float(self.mu[0]), period=period, parameters=parameters
         )
-        one = {"q": (robot.model.nq,), "v": (robot.model.nv,), "foot_force": (feet, 3)}
+        one = {"q": (robot.nq,), "v": (robot.nv,), "foot_force": (feet, 3)}
         one |= {"torque": (joints,), "thrust": (thrusters, 3)}
         self._shapes = {name: (self.n, *shape) for name, shape in one.items()}
 

@@ -135,8 +135,11 @@ class ThrustWatch(KeepsViews):
         if not good or np.abs(state.foot_force).sum() > AIRBORNE * weight + 3.0:
             self._expected = None
             return
-        pin.computeCentroidalMomentum(self.robot.model, self._data, state.q, state.v)
-        pin.updateFramePlacements(self.robot.model, self._data)
+        model, tree, v = self.robot.model, self.robot.closed(state.q), state.v
+        if self.robot.loops is not None:
+            v = self.robot.velocity_map(state.q) @ v
+        pin.computeCentroidalMomentum(model, self._data, tree, v)
+        pin.updateFramePlacements(model, self._data)
         centre, hg = self._data.com[0], self._data.hg
         momentum = np.concatenate((hg.linear, hg.angular / ARM))
         arms = np.array([self._data.oMf[frame].translation - centre for frame in self._frames])

@@ -39,7 +39,6 @@ than some physics steps anyway.
 from __future__ import annotations
 
 import numpy as np
-import pinocchio as pin
 
 from harpy_pin.controllers.condensed_tick import CondensedTickRecord
 from harpy_pin.controllers.parameters import WholeBodyParameters
@@ -50,6 +49,7 @@ from harpy_pin.gaits.walking import WalkingParameters
 from harpy_pin.gaits.walking.build import build_of
 from harpy_pin.kernels import kernel
 from harpy_pin.model.entry import FADE, GOOD, HOLD_TICKS
+from harpy_pin.model.posed import free_inertia
 from harpy_pin.model.record import ZERO, RecordOf, Records, make_record, sized
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
@@ -103,8 +103,8 @@ def joint_targets_record(
     """
     if p.joint_stiffness == p.joint_damping == 0.0:
         return None
-    gains, unit, model = joint_gains(robot, p, posture), _units(robot, posture), robot.model
-    above = [model.supports[model.frames[robot.frame_id(foot)].parentJoint] for foot in robot.feet]
+    gains, unit = joint_gains(robot, p, posture), _units(robot, posture)
+    above = [robot.carriers(foot) for foot in robot.feet]
     return make_record(
         JointTargetsRecord,
         robot.sizes,
@@ -116,7 +116,7 @@ def joint_targets_record(
         still=STILL * unit[0] / unit[[2, 1]],
         most=MOST_LACKING * unit[[2, 1]],
         limit=p.limits.torque_scale * robot.torque_limit,
-        moves=[[j in joints for joints in above] for j in range(2, model.njoints)],
+        moves=[[j in joints for joints in above] for j in robot.driven],
     )
 
 
@@ -132,17 +132,14 @@ def joint_gains(robot: Robot, p: WholeBodyParameters, posture: Vector) -> Vector
     """Stiffness and damping of each joint (2, joints); arguments and errors as of
     :func:`joint_targets_record`.
     """
-    model = robot.model
-    if not robot.feet or any(
-        model.frames[robot.frame_id(foot)].parentJoint < 2 for foot in robot.feet
-    ):
+    if not robot.feet or not all(map(robot.carriers, robot.feet)):
         message = (
             f"joint_stiffness and joint_damping are in units of a leg's length, and "
             f"'{robot.name}' has no legs"
         )
         raise InputError(message, name="joint_stiffness", value=p.joint_stiffness)
     stiffness, damping, _ = _units(robot, posture)
-    inertia = 1.0 / np.diag(pin.computeMinverse(model, model.createData(), posture))[6:]
+    inertia = free_inertia(robot, posture)
     share = np.minimum(1.0, MAX_RATE * inertia / max(p.joint_damping * damping, 1e-12))
     return np.array((p.joint_stiffness * stiffness * share, p.joint_damping * damping * share))
 

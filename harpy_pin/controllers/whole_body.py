@@ -119,7 +119,7 @@ class WholeBodyController(TaskController):
         self._begin_tasks(
             WholeBodyTickRecord,
             **{name: np.zeros(size) for name in ("z", "found", "kept")},
-            acceleration=np.zeros(self.robot.model.nv if follows else 0),
+            acceleration=np.zeros(self.robot.nv if follows else 0),
             posture=self.gait.initial_state()[0][7:],
             torque_limit=self.robot.torque_limit,
             gives_way=np.int64(True),

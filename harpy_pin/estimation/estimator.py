@@ -178,9 +178,9 @@ class Estimator(KeepsViews):
         Raises:
             InputError: wrong shapes, or entries that are not finite or beyond 1e6.
         """
-        r, model = self._record_, self.robot.model
-        level, q = q is None, pin.neutral(model) if q is None else configuration(model, q)
-        v = np.zeros(model.nv) if v is None else checks.vector("v", v, model.nv)
+        r, robot = self._record_, self.robot
+        level, q = q is None, robot.neutral if q is None else configuration(robot, q)
+        v = np.zeros(robot.nv) if v is None else checks.vector("v", v, robot.nv)
         if not (all_possible(q) and all_possible(v)):
             raise InputError(f"q and v must be at most {MAX_SAMPLE:g}", name="v", value=v)
         rotation, place = pin.Quaternion(q[3:7]).toRotationMatrix(), r["place"][0]
@@ -310,7 +310,7 @@ def _record(
     robot: Robot, imu: Imu, settings: EstimatorSettings, period: float, radius: Vector
 ) -> Records[EstimatorRecord]:
     """A new :class:`~harpy_pin.estimation.record.EstimatorRecord`."""
-    joints, s, gravity = list(robot.model.joints)[2:], settings, np.array([0.0, 0.0, -GRAVITY])
+    s, gravity, (place, unbounded) = settings, np.array([0.0, 0.0, -GRAVITY]), robot.layout
     start = (s.tilt, s.tilt, 0.0, *[s.velocity] * 3, 0.0, 0.0, 0.0)
     start += (max(imu.gyroscope_bias, 1e-6),) * 3 + (max(imu.accelerometer_bias, 1e-6),) * 3
     names = ("gyroscope_density", "accelerometer_density", "gyroscope_walk", "accelerometer_walk")
@@ -361,14 +361,14 @@ def _record(
         dynamics=dynamics_record(robot, gravity=gravity),
         mounting=imu.rotation,
         place=np.array(imu.position),
-        angle_place=np.array([joint.idx_q for joint in joints], dtype=np.int64),
-        unbounded=np.array([joint.nq - 1 for joint in joints], dtype=np.int64),
+        angle_place=place,
+        unbounded=unbounded,
         foot_radius=radius,
         gyroscope_range=imu.gyroscope_range,
         accelerometer_range=imu.accelerometer_range,
         period=period,
         missing=0.0,
-        intended=np.full(robot.model.nv, np.nan),
+        intended=np.full(robot.nv, np.nan),
         weight=robot.mass * GRAVITY,
         gravity=1.0,
         borne=1.0,
@@ -383,7 +383,7 @@ def _record(
         lost=0.0,
         t=np.nan,
         level=np.int64(1),
-        q=pin.neutral(robot.model),
+        q=robot.neutral,
     )
 
 
@@ -393,7 +393,7 @@ def _legs(robot: Robot) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """
     points_on: dict[tuple[int, ...], list[int]] = {}
     for leg in legs(robot):
-        columns = tuple(robot.model.joints[j].idx_v for j in reversed(leg.joints))
+        columns = leg.columns[::-1]
         points_on.setdefault(columns, []).extend(robot.feet.index(name) for name in leg.points)
     own = list(points_on)
     most, points = max(map(len, own), default=0), max(map(len, points_on.values()), default=0)

@@ -322,7 +322,7 @@ def _estimator(estimator: Estimator) -> Exportable:
     inputs: dict[str, tuple[int, ...]] = {"elapsed": (1,), "gyroscope": (3,), "accelerometer": (3,)}
     inputs |= dict.fromkeys(("joint_position", "joint_velocity", "joint_torque"), joints)
     inputs |= {"normal_force": (feet,), "thrust": (len(robot.thrusters), 3)}
-    inputs["acceleration"] = (robot.model.nv,)
+    inputs["acceleration"] = (robot.nv,)
     outputs = {name: record[name].shape[1:] for name in ESTIMATED}
     statuses = {text.upper().replace(" ", "_"): code for code, text in STATUS.items()}
     target = GaitTarget(feet)._record_
@@ -341,8 +341,8 @@ def _exportable(
     robot = controller.robot
     feet = len(robot.feet)
     shapes = {
-        "q": (robot.model.nq,),
-        "v": (robot.model.nv,),
+        "q": (robot.nq,),
+        "v": (robot.nv,),
         "foot_position": (feet, 3),
         "foot_force": (feet, 3),
     }

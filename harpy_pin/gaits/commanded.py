@@ -15,7 +15,6 @@ from math import inf
 from typing import Any
 
 import numpy as np
-import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from harpy_pin import checks
@@ -197,15 +196,14 @@ class CommandedGait(FollowsVelocity):
         """See :meth:`~harpy_pin.gaits.gait.Gait.initial_state`; the walk's memory stays as it
         is.
         """
-        model, p = self.robot.model, self.parameters
-        q = pin.neutral(model)
+        p, q = self.parameters, self.robot.neutral
         done = 0.5 * p.double_support / (1.0 + p.double_support)
         depth = p.height + p.penetration_offset * (1.0 - (1.0 - done) ** 4 - done**4)
         q[2] = depth - penetration
         for k, geometry in enumerate(self.geometry):
             foot = (0.0, p.width * (1.0 - 2.0 * k), -depth)
             q[7 + 3 * k : 10 + 3 * k] = leg_inverse_kinematics(geometry, foot)
-        return q, np.zeros(model.nv)
+        return q, np.zeros(self.robot.nv)
 
     def describe(self) -> Mapping[str, Any]:
         """Parameters, limits and script, for the log's metadata."""

@@ -14,10 +14,10 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-import pinocchio as pin
 
 from harpy_pin import checks
 from harpy_pin.model.legs import legs
+from harpy_pin.model.posed import Posed
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
 
@@ -154,13 +154,9 @@ def leg_length(robot: Robot) -> float:
     Args:
         robot: any.
     """
-    model, data = robot.model, robot.model.createData()
-    pin.framesForwardKinematics(model, data, pin.neutral(model))
-    lengths = []
+    posed, lengths = Posed(robot, robot.reference), []
     for leg in legs(robot):
-        foot: Vector = np.mean(
-            [data.oMf[robot.frame_id(name)].translation for name in leg.points], axis=0
-        )
-        way = [*(data.oMi[j].translation for j in leg.below_hip), foot]
+        foot: Vector = np.mean([posed.frame(name).translation for name in leg.points], axis=0)
+        way = [*(posed.joint(j) for j in leg.way), foot]
         lengths.append(sum(float(np.linalg.norm(b - a)) for a, b in pairwise(way)))
     return min(lengths, default=0.0)

@@ -30,6 +30,7 @@ from harpy_pin.gaits.walking.over_terrain import walk_over
 from harpy_pin.gaits.walking.walking_gait import WalkingGait
 from harpy_pin.ground.terrain import Plane, Terrain
 from harpy_pin.kernels.calls import Call
+from harpy_pin.model.posed import Posed
 from harpy_pin.model.record import make_record
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import State, Vector
@@ -192,7 +193,7 @@ class OnTerrain(Gait):
             step = legs.T @ np.linalg.solve(
                 legs @ legs.T + DAMPING * np.eye(len(legs)), (desired - feet).ravel()
             )
-            q = pin.integrate(self.robot.model, q, np.concatenate((np.zeros(6), step)))
+            q = self.robot.integrate(q, np.concatenate((np.zeros(6), step)))
         return q
 
     def _with_offset(self, offset: Vector) -> Vector:
@@ -202,16 +203,10 @@ class OnTerrain(Gait):
 
     def _feet(self, q: Vector) -> tuple[Vector, Vector]:
         """Places of the feet, and their Jacobian, world axes."""
-        model, data = self.robot.model, self.robot.model.createData()
-        pin.computeJointJacobians(model, data, q)
-        pin.updateFramePlacements(model, data)
-        frames = [self.robot.frame_id(name) for name in self.robot.feet]
-        places = np.array([data.oMf[frame].translation for frame in frames]).reshape(-1, 3)
-        rows = [
-            pin.getFrameJacobian(model, data, frame, pin.LOCAL_WORLD_ALIGNED)[:3]
-            for frame in frames
-        ]
-        return places, np.vstack([np.zeros((0, model.nv)), *rows])
+        posed, feet = Posed(self.robot, q), self.robot.feet
+        places = np.array([posed.frame(name).translation for name in feet]).reshape(-1, 3)
+        rows = [posed.jacobian(name)[:3] for name in feet]
+        return places, np.vstack([np.zeros((0, self.robot.nv)), *rows])
 
     def describe(self) -> Mapping[str, Any]:
         """Parameters of the gait, and the terrain."""
@@ -246,15 +241,14 @@ def downhill(
     if short <= 0.0 or not robot.thrusters or robot.rotors:
         return offset
     share = short / (1.0 + steep * steep)  # (T / W) cos a
-    along, model, data = slope / steep, robot.model, robot.model.createData()
+    along = slope / steep
     for _ in range(DOWNHILL_STEPS):
-        mass = pin.centerOfMass(model, data, posture(offset))
-        pin.updateFramePlacements(model, data)
+        posed = Posed(robot, posture(offset))
         feet, thrusters = (
-            np.mean([data.oMf[robot.frame_id(name)].translation for name in names], axis=0)
+            np.mean([posed.frame(name).translation for name in names], axis=0)
             for names in (robot.feet, robot.thrusters)
         )
         arm = thrusters - feet
-        uphill = along @ (mass - feet)[:2] + share * (arm[2] - steep * (along @ arm[:2]))
+        uphill = along @ (posed.centre - feet)[:2] + share * (arm[2] - steep * (along @ arm[:2]))
         offset -= uphill * np.array((*along, steep))
     return offset

@@ -28,6 +28,7 @@ from harpy_pin.gaits.swing import on_its_way
 from harpy_pin.gaits.walking import WalkingGait, WalkingParameters
 from harpy_pin.ground.terrain import Plane
 from harpy_pin.model.entry import all_possible, all_possible_rows, as_state, is_unit
+from harpy_pin.model.posed import Posed
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import State, Vector
 
@@ -137,10 +138,9 @@ class PlannedGait(Gait):
         self.clearance = checks.number("clearance", default, low=0.0)
         self.stand = WalkingGait(robot) if stand is None else stand
         self.controller_parameters = self.stand.controller_parameters
-        self._data = robot.model.createData()
         q, _ = self.initial_state()
-        pin.framesForwardKinematics(robot.model, self._data, q)
-        places = [self._data.oMf[robot.frame_id(name)].translation for name in robot.feet]
+        self._data, posed = robot.model.createData(), Posed(robot, q)
+        places = [posed.frame(name).translation for name in robot.feet]
         ways = [float(np.linalg.norm(place - q[:3])) for place in places]
         self._reach = REACH * max(ways, default=0.0)
         self._state: State | None = None
@@ -336,8 +336,10 @@ class PlannedGait(Gait):
     def _measured(self, centre: bool, state: State) -> tuple[Vector, Vector]:
         """Place and velocity of the body's origin, or the centre of mass, in world axes."""
         if centre:
-            pin.centerOfMass(self.robot.model, self._data, state.q, state.v)
-            return self._data.com[0], self._data.vcom[0]
+            data, tree = self._data, self.robot.closed(state.q)
+            speed = self.robot.velocity_map(state.q) @ state.v
+            pin.centerOfMass(self.robot.model, data, tree, speed)
+            return data.com[0], data.vcom[0]
         return state.q[:3], pin.Quaternion(state.q[3:7]).matrix() @ state.v[:3]
 
     def _follow(self, now: PlannedMoment, centre: bool, state: State, step: float) -> None:

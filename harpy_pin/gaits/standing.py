@@ -9,7 +9,6 @@ from math import perm
 from typing import Any
 
 import numpy as np
-import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from harpy_pin import checks
@@ -19,6 +18,7 @@ from harpy_pin.gaits.fitting import standing_parameters
 from harpy_pin.gaits.gait import LONGEST, ClockGait, GaitTargetRecord
 from harpy_pin.kernels import kernel
 from harpy_pin.model.ik import LEVEL, find_posture
+from harpy_pin.model.posed import Posed
 from harpy_pin.model.record import RecordOf, field, make_record, sized
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
@@ -169,7 +169,7 @@ class Staying(ClockGait):
         """See :meth:`~harpy_pin.gaits.gait.Gait.initial_state`."""
         q = self._q.copy()
         q[2] -= penetration
-        return q, np.zeros(self.robot.model.nv)
+        return q, np.zeros(self.robot.nv)
 
     def describe(self) -> Mapping[str, Any]:
         """Parameters, for the log's metadata."""
@@ -218,13 +218,12 @@ class Standing(Staying, constant=True):
                 f"'{robot.name}' has no foot to stand on: hp.Hovering is for robots that fly",
                 name="robot",
             )
-        posture, model = find_posture(robot) if posture is None else posture, robot.model
-        q = pin.neutral(model)
+        posture = find_posture(robot) if posture is None else posture
+        q = robot.neutral
         q[5:7] = 0.0 - np.sin(0.5 * robot.facing), np.cos(0.5 * robot.facing)
         q[7:] = read_posture(robot, posture)
-        data = model.createData()
-        pin.framesForwardKinematics(model, data, q)
-        feet = np.array([data.oMf[robot.frame_id(name)].translation for name in robot.feet])
+        posed = Posed(robot, q)
+        feet = np.array([posed.frame(name).translation for name in robot.feet])
         if np.ptp(feet[:, 2]) > LEVEL or feet[:, 2].max() >= 0.0:
             heights = ", ".join(
                 f"{name} {z:.3f} m" for name, z in zip(robot.feet, feet[:, 2], strict=True)
@@ -233,7 +232,7 @@ class Standing(Staying, constant=True):
                 f"this posture's feet are not on one level below the body: {heights}",
                 name="posture",
             )
-        self._centre = np.array(pin.centerOfMass(model, data, q))
+        self._centre = posed.centre
         q[2] = -float(feet[:, 2].min())
         super().__init__(
             robot,
@@ -307,7 +306,7 @@ class Hovering(Staying, constant=True):
             )
         if posture is None:
             posture = robot.posture
-        q = pin.neutral(robot.model)
+        q = robot.neutral
         q[2] = checks.number("height", height, low=0.0, strict=True)
         if posture is not None:
             q[7:] = read_posture(robot, posture)

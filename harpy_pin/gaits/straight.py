@@ -13,7 +13,6 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
-import pinocchio as pin
 
 from harpy_pin import checks
 from harpy_pin.errors import InputError, OutOfReachError
@@ -275,9 +274,8 @@ class StraightGait(ClockGait, constant=True):
     def initial_state(self, *, penetration: float = 0.0) -> tuple[Vector, Vector]:
         """See :meth:`~harpy_pin.gaits.gait.Gait.initial_state`."""
         penetration = checks.number("penetration", penetration)
-        model = self.robot.model
         target = self.update(0.0)
-        q, v = pin.neutral(model), np.zeros(model.nv)
+        q, v = self.robot.neutral, np.zeros(self.robot.nv)
         q[:3] = target.body[:3]
         q[2] = -float(target.foot_position[:, 2].min()) - penetration
         v[:3] = target.body[3:6]

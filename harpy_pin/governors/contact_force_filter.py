@@ -119,11 +119,7 @@ class ContactForceFilter(KeepsViews):
         )
         h_r, h_w = field(self._record_, "h_r"), field(self._record_, "h_w")
         self.status = GovernorStatus(names, h_r, h_w, self.bend, self._record_)
-        q, v, torque = (
-            np.zeros(robot.model.nq),
-            np.zeros(robot.model.nv),
-            np.zeros(len(robot.joints)),
-        )
+        q, v, torque = (np.zeros(robot.nq), np.zeros(robot.nv), np.zeros(len(robot.joints)))
         thrust = np.zeros((len(robot.thrusters), 3))
         filter_forces.prepare(
             self.dynamics._record_, self.terms, self._record_, q, v, self.force, torque, thrust

@@ -54,6 +54,7 @@ class CatalogueRobot:
         flat_feet: the feet that are flat.
         rotors: thrusters with a fixed axis.
         facing: yaw of the direction in which it faces, about the axes of its base, rad.
+        loops: closed loops, as of :func:`~harpy_pin.model.robot.load_robot`.
     """
 
     file: str
@@ -63,6 +64,12 @@ class CatalogueRobot:
     flat_feet: Mapping[str, FlatFoot] = field(default_factory=dict)
     rotors: tuple[Rotor, ...] = ()
     facing: float = 0.0
+    loops: tuple[tuple[str, str, str], ...] = ()
+
+    @property
+    def own(self) -> bool:
+        """Whether the file is this library's."""
+        return "/" not in self.file
 
     def path(self) -> Path:
         """The URDF.
@@ -70,6 +77,8 @@ class CatalogueRobot:
         Raises:
             RobotError: example-robot-data is not installed.
         """
+        if self.own:
+            return own_urdf(self.file)
         if installed_data() is None:
             raise RobotError(f"'{self.file}' is in example-robot-data: {install_line('robots')}")
         return Path(str(distribution("example-robot-data").locate_file(DATA))) / self.file
@@ -97,6 +106,15 @@ class CatalogueRobot:
             model: of the file; gives the order of the joints.
         """
         return np.array([self.angles.get(name, 0.0) for name in list(model.names)[2:]])
+
+
+def own_urdf(name: str) -> Path:
+    """Path of a URDF of this library: beside the package once installed, at the top of a checkout
+    otherwise.
+    """
+    package = Path(__file__).parent.parent
+    installed = package / "urdf" / name
+    return installed if installed.is_file() else package.parent / "urdf" / name
 
 
 def installed_data() -> str | None:
@@ -269,6 +287,15 @@ _HEXTILT = _rotors(
 )
 
 CATALOGUE: dict[str, CatalogueRobot] = {
+    "harpy_built": CatalogueRobot(
+        "harpy_built.urdf",
+        ("left_foot", "right_foot"),
+        {},
+        rotors=tuple(Rotor(f"{side}_thruster", limit=(0.0, 53.0)) for side in ("left", "right")),
+        loops=tuple(
+            (f"{side}_femur_rod", f"{side}_tarsus_rod", "length") for side in ("left", "right")
+        ),
+    ),
     "solo8": CatalogueRobot(
         "solo_description/robots/solo.urdf",
         _SOLO_FEET,

@@ -101,7 +101,7 @@ class Dynamics(KeepsViews, EquationsRecord):
         for name in TERMS:
             setattr(self, name, field(self._record_, name))
         self.rotation: Vector = field(self._record_["tree"], "rotation")
-        update_terms.prepare(self._record_, pin.neutral(self.model), np.zeros(self.model.nv))
+        update_terms.prepare(self._record_, robot.neutral, np.zeros(robot.nv))
 
     def update(self, q: Vector, v: Vector) -> None:
         """Evaluate every term; :attr:`finite` says whether the state was good.
@@ -118,7 +118,7 @@ class Dynamics(KeepsViews, EquationsRecord):
         except TypeError:  # lists, integers, or arrays that are not contiguous
             verdict = MISFIT
         if verdict == MISFIT:
-            q, v = checks.array("q", q, self.model.nq), checks.array("v", v, self.model.nv)
+            q, v = checks.array("q", q, self._robot.nq), checks.array("v", v, self._robot.nv)
             verdict = update_terms(self._record_, q, v)
         self.finite = verdict == GOOD
 
@@ -152,14 +152,14 @@ def dynamics_record(robot: Robot, *, gravity: Vector | None = None) -> Records[D
     return make_record(
         DynamicsRecord,
         {**robot.sizes, "rotors": len(rotors)},
-        damping=model.damping,
+        damping=np.append(model.damping[:6], robot.damping),
         body=np.array([frame.parentJoint - 1 for frame in frames], dtype=np.int64),
         offset=np.array([frame.placement.translation for frame in frames]).reshape(-1, 3),
         body_axis=np.array(axes).reshape(-1, 3),
         drag=np.array([rotor.drag for rotor in rotors]),
         rotor_lower=limits[:, 0],
         rotor_upper=limits[:, 1],
-        tree=tree_record(model),
+        tree=tree_record(model, robot.loops),
     )
 
 

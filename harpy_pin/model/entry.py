@@ -56,7 +56,7 @@ def as_state(state: State, robot: Robot) -> State:
     """The state itself where its arrays are float64 and of the robot's sizes, otherwise a copy in
     which they are.
     """
-    nq, nv, feet = robot.model.nq, robot.model.nv, (len(robot.feet), 3)
+    nq, nv, feet = robot.nq, robot.nv, (len(robot.feet), 3)
     shapes = {
         "q": (nq,),
         "v": (nv,),

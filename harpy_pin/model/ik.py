@@ -19,6 +19,7 @@ from harpy_pin import checks
 from harpy_pin.arguments import checked
 from harpy_pin.errors import InputError
 from harpy_pin.model.legs import Leg, legs
+from harpy_pin.model.posed import Posed
 from harpy_pin.model.robot import Robot, configuration
 from harpy_pin.model.state import Vector
 
@@ -106,7 +107,7 @@ def solve_ik(
     if not targets:
         raise InputError("solve_ik needs at least one target", name="targets")
     problem = _Problem(robot, targets)
-    start = problem.bounded(configuration(robot.model, q))
+    start = problem.bounded(configuration(robot, q))
     best = problem.descend(start, tolerance=tolerance, max_iterations=max_iterations)
     rng, tried = np.random.default_rng(checks.whole("seed", seed)), best.iterations
     for _ in range(restarts):
@@ -124,21 +125,21 @@ class _Problem:
     """Errors, Jacobian and limits of one inverse kinematics."""
 
     def __init__(self, robot: Robot, targets: Mapping[str, pin.SE3 | ArrayLike]) -> None:
-        self.model, self.data = robot.model, robot.model.createData()
+        self.robot, self.data = robot, robot.model.createData()
         self._lower, self._upper = robot.joint_lower, robot.joint_upper
-        self._tasks: list[tuple[int, pin.SE3 | None, Vector]] = []
+        self._tasks: list[tuple[str, pin.SE3 | None, Vector]] = []
         for name, target in targets.items():
             pose = target if isinstance(target, pin.SE3) else None
             point = checks.vector(
                 f"target of '{name}'", pose.translation if pose is not None else target, 3
             )
-            self._tasks.append((robot.frame_id(name), pose, point))
-        chains = {
-            j
-            for i, _, _ in self._tasks
-            for j in self.model.supports[self.model.frames[i].parentJoint]
-        }
-        self._moving = np.array([j in chains for j in range(2, self.model.njoints)], dtype=bool)
+            robot.frame_id(name)
+            self._tasks.append((name, pose, point))
+        chains = {j for name in targets for j in robot.carriers(name)}
+        # Of each number of the configuration, since a joint without bounds has two.
+        counts = [robot.model.joints[j].nq for j in robot.driven]
+        moving = np.array([j in chains for j in robot.driven], dtype=bool)
+        self._moving = np.repeat(moving, counts)
 
     def bounded(self, q: Vector) -> Vector:
         """A configuration with its joints moved within their limits."""
@@ -156,11 +157,16 @@ class _Problem:
         return self.bounded(drawn)
 
     def errors(self, q: Vector) -> Vector:
-        """Stacked position and orientation errors, world axes."""
-        pin.framesForwardKinematics(self.model, self.data, q)
-        rows = []
-        for frame, pose, point in self._tasks:
-            placement = self.data.oMf[frame]
+        """Stacked position and orientation errors, world axes; infinite where loops do not
+        close.
+        """
+        model, rows = self.robot.model, []
+        try:
+            pin.framesForwardKinematics(model, self.data, self.robot.closed(q))
+        except InputError:
+            return np.full(3 * len(self._tasks), np.inf)
+        for name, pose, point in self._tasks:
+            placement = self.data.oMf[self.robot.frame_id(name)]
             rows.append(placement.translation - point)
             if pose is not None:
                 rows.append(placement.rotation @ pin.log3(pose.rotation.T @ placement.rotation))
@@ -168,14 +174,12 @@ class _Problem:
 
     def jacobian(self, q: Vector) -> Vector:
         """Derivative of the errors by the generalised velocity."""
-        pin.computeJointJacobians(self.model, self.data, q)
-        pin.updateFramePlacements(self.model, self.data)
-        rows = []
-        for frame, pose, _ in self._tasks:
-            full = pin.getFrameJacobian(self.model, self.data, frame, pin.LOCAL_WORLD_ALIGNED)
+        posed, rows = Posed(self.robot, q), []
+        for name, pose, _ in self._tasks:
+            full = posed.jacobian(name)
             rows.append(full[:3])
             if pose is not None:
-                placement = self.data.oMf[frame].rotation
+                placement = posed.frame(name).rotation
                 correction = pin.Jlog3(pose.rotation.T @ placement)
                 rows.append(placement @ correction @ placement.T @ full[3:])
         return np.concatenate(rows)
@@ -185,6 +189,9 @@ class _Problem:
         held.
         """
         current, residual, damping, iterations = q, self.errors(q), 1e-3, 0
+        norm = float(np.linalg.norm(residual))
+        if norm == np.inf:
+            return IKResult(current, IKStatus.STALLED, norm, iterations)
         while (norm := float(np.linalg.norm(residual))) > tolerance and iterations < max_iterations:
             full = self.jacobian(current)
             slope, joints = (full.T @ residual)[6:], current[7:]
@@ -196,9 +203,9 @@ class _Problem:
             while not improved and iterations < max_iterations and damping < STALLED:
                 iterations += 1
                 normal = reduced.T @ reduced + damping * np.eye(reduced.shape[1])
-                step = np.zeros(self.model.nv)
+                step = np.zeros(self.robot.nv)
                 step[active] = -np.linalg.solve(normal, reduced.T @ residual)
-                candidate = self.bounded(pin.integrate(self.model, current, step))
+                candidate = self.bounded(self.robot.integrate(current, step))
                 trial = self.errors(candidate)
                 improved = bool(np.linalg.norm(trial) < norm * (1.0 - 1e-12))
                 damping = max(damping * 0.1, 1e-14) if improved else damping * 10.0
@@ -228,22 +235,21 @@ def find_posture(robot: Robot) -> Vector:
     joints of no leg at zero or the next limit. An :class:`InputError` says that no such posture was
     found, and why it may be.
     """
-    model, data, q = robot.model, robot.model.createData(), pin.neutral(robot.model)
+    model, q = robot.model, robot.neutral
     if robot.posture is not None:
         q[7:] = robot.posture
-        pin.framesForwardKinematics(model, data, q)
-        heights = [data.oMf[robot.frame_id(name)].translation[2] for name in robot.feet]
+        posed = Posed(robot, q)
+        heights = [posed.frame(name).translation[2] for name in robot.feet]
         if np.ptp(heights) < LEVEL or "posture" in robot.source:
             return robot.posture
-    q[7:] = np.clip(0.0, robot.joint_lower, robot.joint_upper)
-    pin.framesForwardKinematics(model, data, q)
-    found = legs(robot)
+    q[7:] = np.clip(robot.reference[7:], robot.joint_lower, robot.joint_upper)
+    posed, found = Posed(robot, q), legs(robot)
     hip, length, target = np.empty((len(found), 3)), np.empty(len(found)), []
     for k, leg in enumerate(found):
-        corners = [data.oMf[robot.frame_id(name)] for name in leg.points]
+        corners = [posed.frame(name) for name in leg.points]
         middle = np.mean([corner.translation for corner in corners], axis=0)
-        below = leg.joints[leg.knee :] if leg.sprawls else leg.below_hip
-        points = [*(data.oMi[j].translation for j in below), middle]
+        below = leg.joints[leg.knee :] if leg.sprawls else leg.way
+        points = [*(posed.joint(j) for j in below), middle]
         hip[k], length[k] = (
             points[0],
             sum(float(np.linalg.norm(b - a)) for a, b in pairwise(points)),
@@ -266,11 +272,7 @@ def find_posture(robot: Robot) -> Vector:
         f"no standing posture of '{robot.name}' was found: give one, of {len(robot.joints)} angles"
     )
     message = f"{message} in the order of robot.joints"
-    up = [
-        data.oMf[robot.frame_id(leg.points[0])].rotation[2, 2]
-        for leg in found
-        if len(leg.points) > 1
-    ]
+    up = [posed.frame(leg.points[0]).rotation[2, 2] for leg in found if len(leg.points) > 1]
     if min(up, default=1.0) < UPRIGHT:
         message += "; its soles do not face the ground at zero: a FlatFoot has an orientation"
     lame = [leg.points[0] for leg in found if not leg.joints]
@@ -283,8 +285,8 @@ def find_posture(robot: Robot) -> Vector:
             f"cannot move it: "
         )
         message += "a foot is at the end of its leg"
-    still = {j + 2 for j in np.flatnonzero(robot.joint_lower == robot.joint_upper)}
-    fixed = [model.names[j] for leg in found for j in leg.joints if j in still]
+    still = np.flatnonzero(robot.joint_lower == robot.joint_upper)
+    fixed = [robot.joints[k - 6] for leg in found for k in leg.columns if k - 6 in still]
     if fixed:
         message += f"; {len(fixed)} joints of its legs have no range, such as '{fixed[0]}'"
     raise InputError(message, name="posture")
@@ -294,35 +296,31 @@ def _bend(robot: Robot, q: Vector, leg: Leg, end: pin.SE3, posture: Vector) -> b
     """Set the angles of a leg in a posture so that its first contact point is at a place, that of a
     sole turned as it is there; whether that is in reach. Joints of no leg stay as in q.
     """
-    model, data = robot.model.copy(), robot.model.createData()
-    rng, least, columns = (
-        np.random.default_rng(0),
-        np.inf,
-        [model.joints[j].idx_q for j in leg.joints],
-    )
-    others = np.setdiff1d(np.arange(7, model.nq), columns)
-    model.lowerPositionLimit[others] = model.upperPositionLimit[others] = q[others]
+    model, places = robot.model.copy(), robot.places
+    rng, least, own = np.random.default_rng(0), np.inf, [k - 6 for k in leg.columns]
+    columns = [int(place) for place in robot.layout[0][own]]
+    others = np.setdiff1d(np.arange(len(places)), own)
+    model.lowerPositionLimit[places[others]] = q[robot.layout[0][others]]
+    model.upperPositionLimit[places[others]] = q[robot.layout[0][others]]
     robot, targets = (
         replace(robot, model=model),
         {leg.points[0]: end if len(leg.points) > 1 else end.translation},
     )
-    low, high = _drawn(model.lowerPositionLimit, model.upperPositionLimit)
+    low, high = (np.append(np.zeros(7), x) for x in _drawn(robot.joint_lower, robot.joint_upper))
     for _ in range(STARTS):
         start = q.copy()
         start[columns] = rng.uniform(low[columns], high[columns])
         found = solve_ik(
             robot, targets, start, tolerance=CLOSE, max_iterations=ITERATIONS, restarts=0
         )
-        pin.forwardKinematics(model, data, found.q)
-        cost = float(np.sum(found.q[columns] ** 2)) + BACKWARD * float(
-            data.oMi[leg.joints[-1]].translation[0]
-        )
-        if found.converged and cost < least:
+        if not found.converged:
+            continue
+        knee = Posed(robot, found.q).joint(leg.way[-1])
+        cost = float(np.sum(found.q[columns] ** 2)) + BACKWARD * float(knee[0])
+        if cost < least:
             least, posture[columns] = cost, found.q[columns]
     if least < np.inf and len(columns) > (6 if len(leg.points) > 1 else 3):
-        _straighten(
-            _Problem(robot, targets), posture, columns, [model.joints[j].idx_v for j in leg.joints]
-        )
+        _straighten(_Problem(robot, targets), posture, columns, list(leg.columns))
     return least < np.inf
 
 

@@ -17,16 +17,22 @@ from harpy_pin.model.record import RecordOf, Records, make_record
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
 
+PARALLEL = 5e-3
+"""Difference of the velocities of ankle and knee up to which a tarsus stays parallel."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class LegGeometry:
     """One leg of Harpy's kind: hip frontal (x), hip sagittal (y), knee (y), point foot.
+
+    A parallelogram that holds the tarsus parallel to the thigh is such a leg, too.
 
     Attributes:
         hip: (3,) body centre to the hip frontal axis, m.
         offset: hip frontal to hip sagittal axis along y, m (positive to the left).
         upper: thigh + tarsus, m.
         lower: shin, m.
+        zero: (3,) angles of the straight leg that the joints have at zero, rad.
 
     Raises:
         InputError: a number is not finite, or a link has no length.
@@ -36,12 +42,14 @@ class LegGeometry:
     offset: float
     upper: float
     lower: float
+    zero: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     def __post_init__(self) -> None:
         checks.vector("hip", self.hip, 3)
         checks.number("offset of the hip", self.offset)
         checks.number("upper link", self.upper, low=0.0, strict=True)
         checks.number("lower link", self.lower, low=0.0, strict=True)
+        checks.vector("zero of the leg", self.zero, 3)
 
     @property
     def record(self) -> Records[LegRecord]:
@@ -65,7 +73,10 @@ class LegGeometry:
         model = robot.model
         frame = model.frames[robot.frame_id(foot)]
         chain = list(model.supports[frame.parentJoint])[2:]
-        names = [model.joints[j].shortname() for j in chain]
+        if (folded := _parallelogram(robot, foot, chain)) is not None:
+            return folded
+        passive = () if robot.loops is None else robot.loops.passive
+        names = [model.joints[j].shortname() if j not in passive else "passive" for j in chain]
         if names != ["JointModelRX", "JointModelRY", "JointModelRY"]:
             raise RobotError(
                 f"the leg of '{foot}' is {names}, not hip x, hip y, knee y; use "
@@ -97,19 +108,46 @@ class LegGeometry:
             function.prepare(self.record[0], np.zeros(3), np.zeros(shape))
 
 
+def _parallelogram(robot: Robot, foot: str, chain: list[int]) -> LegGeometry | None:
+    """The leg whose passive ankle keeps the tarsus parallel to the thigh, which makes it a chain of
+    two links: the one of thigh and tarsus, and the shin. None where it is no such leg.
+    """
+    model, kinds = robot.model, [robot.model.joints[j].shortname() for j in chain]
+    if robot.loops is None or kinds != ["JointModelRX", *["JointModelRY"] * 3]:
+        return None
+    frontal, sagittal, knee, ankle = (model.jointPlacements[j] for j in chain)
+    end = model.frames[robot.frame_id(foot)].placement.translation
+    spread = robot.velocity_map(robot.reference)[model.joints[chain[3]].idx_v]
+    spread[robot.nv - len(robot.joints) + robot.driven.index(chain[2])] += 1.0
+    if chain[3] not in robot.loops.passive or np.abs(spread).max() > PARALLEL:
+        return None
+    upper, lower = knee.translation + end, ankle.translation
+    x, y, z = (float(c) for c in frontal.translation)
+    first = float(np.arctan2(-upper[0], -upper[2]))
+    second = float(np.arctan2(-lower[0], -lower[2]))
+    return LegGeometry(
+        hip=(x + float(sagittal.translation[0]), y, z),
+        offset=float(sagittal.translation[1] + upper[1] + lower[1]),
+        upper=float(np.hypot(upper[0], upper[2])),
+        lower=float(np.hypot(lower[0], lower[2])),
+        zero=(0.0, first, second - first),
+    )
+
+
 class LegRecord(RecordOf, LegGeometry):
     """Lengths of a leg: the attributes of :class:`LegGeometry`."""
 
     hip: Vector  # type: ignore[assignment]  # an array to kernels
+    zero: Vector  # type: ignore[assignment]
 
 
 @kernel(angles=(3,), out=(3, 3))
 def leg_jacobian(leg: LegRecord, angles: Vector, out: Vector) -> None:
     """Derivative of the foot position by these joint angles, body axes, m/rad."""
-    upper, lower = leg.upper, leg.lower
-    s1, c1 = np.sin(angles[1]), np.cos(angles[1])
-    s12, c12 = np.sin(angles[1] + angles[2]), np.cos(angles[1] + angles[2])
-    c, s = np.cos(angles[0]), np.sin(angles[0])
+    upper, lower, bent = leg.upper, leg.lower, angles + leg.zero
+    s1, c1 = np.sin(bent[1]), np.cos(bent[1])
+    s12, c12 = np.sin(bent[1] + bent[2]), np.cos(bent[1] + bent[2])
+    c, s = np.cos(bent[0]), np.sin(bent[0])
     z = -upper * c1 - lower * c12
     dz1, dz2 = upper * s1 + lower * s12, lower * s12
     out[0] = 0.0, z, -lower * c12
@@ -161,7 +199,7 @@ def leg_inverse(leg: LegRecord, foot: Vector, out: Vector) -> float:
     cosine = (near_x * near_x + drop * drop - upper * upper - lower * lower) / (2.0 * upper * lower)
     knee = np.arccos(min(max(cosine, -1.0), 1.0))
     hip = np.arctan2(-near_x, drop) - np.arctan2(lower * np.sin(knee), upper + lower * np.cos(knee))
-    out[:] = gamma, hip, knee
+    out[:] = np.array((gamma, hip, knee)) - leg.zero
     return float(excess)
 
 

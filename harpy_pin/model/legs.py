@@ -22,7 +22,10 @@ class Leg:
 
     Attributes:
         points: frame names of the foot's contact points.
-        joints: Pinocchio's numbers of the joints, from the base on.
+        joints: Pinocchio's numbers of the actuated joints, from the base on.
+        columns: of these joints in a velocity.
+        way: joints from the last one above the knee to the foot, passive ones, too; the leg's
+            length is measured along them.
         knee: which of ``joints`` is the knee: the first one whose axis is parallel to that of a
             joint above it, and beside it, so that the two bend the leg; without such joints the
             second one, −1 where there are none.
@@ -33,16 +36,11 @@ class Leg:
 
     points: tuple[str, ...]
     joints: tuple[int, ...]
+    columns: tuple[int, ...]
+    way: tuple[int, ...]
     knee: int
     sprawls: bool
     hub: bool
-
-    @property
-    def below_hip(self) -> tuple[int, ...]:
-        """The joints from the last one above the knee on; the leg's length is measured from
-        there.
-        """
-        return self.joints[max(self.knee - 1, 0) :]
 
 
 def legs(robot: Robot) -> list[Leg]:
@@ -51,16 +49,16 @@ def legs(robot: Robot) -> list[Leg]:
     Args:
         robot: any. Joints between its base and several feet, such as a waist, belong to no leg.
     """
-    model, data, moved = robot.model, robot.model.createData(), feet_moved(robot.model, robot.feet)
-    pin.forwardKinematics(model, data, pin.neutral(model))
+    model, data = robot.model, robot.model.createData()
+    moved, driven = feet_moved(model, robot.feet, robot.loops), robot.driven
+    pin.forwardKinematics(model, data, robot.closed(robot.reference))
     own = tree_record(model)["axis"][0]
     axis = [np.zeros(3), *(data.oMi[j].rotation @ own[j - 1] for j in range(1, model.njoints))]
     found = []
     for last, corners in zip(np.cumsum(robot.corners), robot.corners, strict=True):
         points = robot.feet[last - corners : last]
         end = model.frames[robot.frame_id(points[0])]
-        chain = model.supports[end.parentJoint]
-        joints = tuple(j for j in chain if moved[j] == 1)
+        joints = tuple(j for j in robot.carriers(points[0]) if moved[j] == 1)
         bends = [
             any(
                 abs(axis[i] @ axis[j]) > PARALLEL
@@ -73,9 +71,13 @@ def legs(robot: Robot) -> list[Leg]:
             for k, j in enumerate(joints)
         ]
         knee = bends.index(True) if any(bends) else min(1, len(joints) - 1)
-        hub = bool(joints) and bool(
-            np.linalg.norm(np.cross(own[joints[-1] - 1], end.placement.translation)) < HUB
+        last_joint = end.parentJoint
+        hub = last_joint in joints and bool(
+            np.linalg.norm(np.cross(own[last_joint - 1], end.placement.translation)) < HUB
         )
+        hip = joints[max(knee - 1, 0)] if joints else model.njoints
+        way = tuple(j for j in model.supports[end.parentJoint] if j >= hip)
+        columns = tuple(6 + driven.index(j) for j in joints)
         sprawls = len(joints) == 3 and not hub and bool(abs(axis[joints[0]][2]) > PARALLEL)
-        found.append(Leg(points, joints, knee, sprawls, hub))
+        found.append(Leg(points, joints, columns, way, knee, sprawls, hub))
     return found

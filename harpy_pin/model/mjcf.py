@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import re
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -20,31 +20,28 @@ import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
 from harpy_pin import checks
-from harpy_pin.errors import InputError, install_line, shown
+from harpy_pin.errors import InputError, shown
 from harpy_pin.model.flat_foot import SOLE_DEPTH, FlatFoot, find_sole
+from harpy_pin.model.loops import Tie, joints_of
+from harpy_pin.model.mjcf_loops import (
+    body_name,
+    driven_joints,
+    import_mujoco,
+    joint_name,
+    read_ties,
+    refuse_loops,
+    tendon_bodies,
+)
 from harpy_pin.model.mjcf_options import enabled_actuators, in_effect
 from harpy_pin.model.state import Vector
 from harpy_pin.model.tree import tree_record
 from harpy_pin.model.urdf import check_bodies, robot_errors
 
 FREE, BALL, SLIDE, HINGE = range(4)  # ``mujoco.mjtJoint``
-JOINT_IN_PARENT, TENDON = 1, 3  # ``mujoco.mjtTrn``; a joint's own is 0
+TENDON = 3  # ``mujoco.mjtTrn``
 FIXED_GAIN, NO_BIAS, NO_DYNAMICS = 0, 0, 0  # ``mujoco.mjtGain``, ``mjtBias``, ``mjtDyn``
 UNNAMED = "MuJoCo Model"
 """Name of a model whose file gives none."""
-WRAPPED = {1: "jnt_bodyid", 3: "site_bodyid", 4: "geom_bodyid", 5: "geom_bodyid"}
-"""Bodies of what a tendon passes, by ``mujoco.mjtWrap``."""
-
-
-def import_mujoco() -> Any:
-    """The module ``mujoco``; an :class:`InputError` where it is not installed."""
-    try:
-        import mujoco
-    except ImportError as error:
-        raise InputError(
-            f"no MuJoCo ({error}): {install_line('mujoco')}", name="plant", value="mujoco"
-        ) from error
-    return mujoco
 
 
 def is_model(thing: Any) -> bool:
@@ -67,12 +64,18 @@ class Description:
         posture: (joints,) angles in which it stands, rad; None where there are none.
         soles: of frames that are flat feet.
         radii: of the spheres around the points of other frames, m.
+        ties: closed loops and couplings.
+        undriven: Pinocchio's numbers of the joints without a motor.
+        start: (all joints,) angles from which closed loops are searched; None for zero.
     """
 
     model: pin.Model
     posture: Vector | None = None
     soles: Mapping[str, FlatFoot] = field(default_factory=dict)
     radii: Mapping[str, float] = field(default_factory=dict)
+    ties: Sequence[Tie] = ()
+    undriven: Sequence[int] = ()
+    start: Vector | None = None
 
 
 def read_mujoco(model: Any, frames: Sequence[str], label: str) -> Description:
@@ -95,7 +98,8 @@ def read_mujoco(model: Any, frames: Sequence[str], label: str) -> Description:
 
     Raises:
         InputError: no body has a free joint, or the robot has what no tree of rigid bodies has: a
-            ball joint, an active equality constraint, or a motor that pushes one way only.
+            ball joint, an equality constraint that is no loop, or a motor that pushes one way
+            only.
         RobotError: as :func:`harpy_pin.model.urdf.check_bodies`.
     """
     model = in_effect(model)
@@ -107,7 +111,13 @@ def read_mujoco(model: Any, frames: Sequence[str], label: str) -> Description:
     built.name = Path(label).stem if name == UNNAMED else name
     tree_record(built)
     check_bodies(built)
-    left = left_out(model, bodies, joints)
+    ties = read_ties(model, built, held)
+    undriven = [
+        built.getJointId(joint_name(model, joint))
+        for joint in joints[~np.isin(joints, driven_joints(model)[enabled_actuators(model)])]
+    ]
+    tied = {built.names[j] for tie in ties for j in joints_of(built, tie)}
+    left = left_out(model, bodies, joints, tied)
     if not np.array_equal(model.opt.gravity, pin.Model().gravity.linear):
         left.append(
             f"gravity {model.opt.gravity} m/s², which the robot's model has, but no gait and no "
@@ -140,7 +150,8 @@ def read_mujoco(model: Any, frames: Sequence[str], label: str) -> Description:
             radii[name] = sphere_radius(
                 model, geoms, places, built.frames[frame].placement.translation
             )
-    return Description(built, posture, soles, radii)
+    start = np.array(model.qpos0[model.jnt_qposadr[joints]]) if posture is None else posture
+    return Description(built, posture, soles, radii, ties, undriven, start)
 
 
 def touching_geoms(model: Any) -> NDArray[np.bool_]:
@@ -234,42 +245,6 @@ def _refuse(model: Any, bodies: NDArray[np.int64], joints: NDArray[np.int64]) ->
                 f"joint '{joint_name(model, joint)}' can be pushed one way only, which is not "
                 f"supported"
             )
-
-
-def refuse_loops(model: Any, bodies: NDArray[np.int64]) -> None:
-    """Refuse an active equality constraint that holds one of these bodies."""
-    for number in np.flatnonzero(model.eq_active0).tolist():
-        kind = import_mujoco().mjtEq(model.eq_type[number]).name.removeprefix("mjEQ_").lower()
-        if np.isin(_tied_bodies(model, number, kind), bodies).any():
-            name = f" '{model.equality(number).name}'" if model.equality(number).name else ""
-            message = f"the equality constraint <{kind}>{name} of the MuJoCo model holds the robot"
-            raise InputError(
-                f"{message}: closed loops and couplings are not supported", name="model"
-            )
-
-
-def _tied_bodies(model: Any, number: int, kind: str) -> Any:
-    """Bodies that an equality constraint holds."""
-    ends = np.array([end for end in (model.eq_obj1id[number], model.eq_obj2id[number]) if end >= 0])
-    if kind == "joint":
-        return model.jnt_bodyid[ends]
-    if kind == "tendon":
-        return [body for tendon in ends for body in tendon_bodies(model, tendon)]
-    if kind.startswith("flex"):
-        first = model.flex_vertadr[ends[0]]
-        return model.flex_vertbodyid[first : first + model.flex_vertnum[ends[0]]]
-    return (
-        model.site_bodyid[ends]
-        if model.eq_objtype[number] == int(import_mujoco().mjtObj.mjOBJ_SITE)
-        else ends
-    )
-
-
-def tendon_bodies(model: Any, tendon: int) -> list[int]:
-    """Bodies that a tendon passes."""
-    wraps = slice(model.tendon_adr[tendon], model.tendon_adr[tendon] + model.tendon_num[tendon])
-    passed = zip(model.wrap_type[wraps].tolist(), model.wrap_objid[wraps].tolist(), strict=True)
-    return [int(getattr(model, WRAPPED[kind])[item]) for kind, item in passed if kind in WRAPPED]
 
 
 def build_tree(
@@ -385,25 +360,12 @@ def _frames(model: Any, bodies: NDArray[np.int64]) -> list[tuple[str, str, int, 
     return found
 
 
-def body_name(model: Any, number: int) -> str:
-    """Name of a body; ``body_3`` of one without."""
-    return str(model.body(number).name) or f"body_{number}"
-
-
-def joint_name(model: Any, number: int) -> str:
-    """Name of a joint; of one without, that of its body with ``_joint`` behind, and ``_joint_1``
-    for its second.
+def left_out(
+    model: Any, bodies: NDArray[np.int64], joints: NDArray[np.int64], tied: Collection[str] = ()
+) -> list[str]:
+    """What a tree of rigid bodies has no place for, each in some words that name where it is;
+    ``tied`` joints need no actuator.
     """
-    body = int(model.jnt_bodyid[number])
-    place = int(number) - int(model.body_jntadr[body])
-    return (
-        str(model.joint(number).name)
-        or f"{body_name(model, body)}_joint{f'_{place}' if place else ''}"
-    )
-
-
-def left_out(model: Any, bodies: NDArray[np.int64], joints: NDArray[np.int64]) -> list[str]:
-    """What a tree of rigid bodies has no place for, each in some words that name where it is."""
     base, dofs, free = (
         [body_name(model, bodies[0])],
         model.jnt_dofadr[joints],
@@ -460,7 +422,11 @@ def left_out(model: Any, bodies: NDArray[np.int64], joints: NDArray[np.int64]) -
         named(
             "a state of its own of actuator", actuators, model.actuator_dyntype[mine] != NO_DYNAMICS
         ),
-        named("no actuator of joint", names, ~acting.any(axis=1) & acting.any()),
+        named(
+            "no actuator of joint",
+            names,
+            ~acting.any(axis=1) & acting.any() & ~np.isin(names, list(tied)),
+        ),
         named("a spring of the free joint of body", base, springs[free]),
         named(
             "damping of the free joint of body",
@@ -501,15 +467,6 @@ def named(what: str, names: Sequence[str], values: ArrayLike, unit: str | None =
     size = "" if unit is None else f" ({given}{unit})"
     more = f" and {len(has) - 1} more" if len(has) > 1 else ""
     return f"{what} {shown(names[has[0]])}{size}{more}"
-
-
-def driven_joints(model: Any) -> NDArray[np.int64]:
-    """(actuators,) number of the joint that each actuator of a model drives; −1 where it drives
-    something else.
-    """
-    return np.where(
-        model.actuator_trntype <= JOINT_IN_PARENT, model.actuator_trnid[:, 0], -1
-    ).astype(np.int64)
 
 
 def plain_name(name: str) -> str:

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from harpy_pin import checks
 from harpy_pin.arguments import checked
@@ -24,9 +24,11 @@ from harpy_pin.model.catalogue import (
     catalogue_robot,
     installed_data,
     known_name,
+    own_urdf,
 )
 from harpy_pin.model.flat_foot import FlatFoot, add_flat_feet
 from harpy_pin.model.known_joints import KnownJoints, read_joints
+from harpy_pin.model.loops import Loops, driven_supports, find_loops, read_loops
 from harpy_pin.model.mjcf import (
     Description,
     compile_mjcf,
@@ -61,7 +63,8 @@ class Robot:
     links.
 
     Attributes:
-        model: Pinocchio model, root joint a free flyer, armature set.
+        model: Pinocchio model of the tree, root joint a free flyer, armature set. Of a robot with
+            loops its configurations have the passive joints, too: :meth:`closed` gives them.
         urdf: the file it was read from; None for one that was read from a ``mujoco.MjModel``.
         feet: frame names of the contact points: point feet, and the corners of flat ones.
         thrusters: frame names of the mounts of all thrusters: the free ones, then the rotors.
@@ -74,6 +77,7 @@ class Robot:
             it facing x.
         foot_radius: (feet,) of the spheres around the feet's points in an MJCF file, m; 0 where
             there is none, and in other files.
+        loops: what ties its joints to each other; None where they are a tree.
         label: its name in the catalogue; empty for a robot that was read from a file.
         source: its ``file``, what else :func:`load_robot` was told, and arrays (nv,) of the model
             that were changed since: what :func:`~harpy_pin.model.source.read_robot` makes it from
@@ -92,6 +96,7 @@ class Robot:
     label: str = ""
     source: Mapping[str, Any] = field(default_factory=dict)
     foot_radius: tuple[float, ...] = ()
+    loops: Loops | None = None
 
     def __repr__(self) -> str:
         parts = [f"{self.mass:.3g} kg", f"{len(self.joints)} joints", f"{len(self.corners)} feet"]
@@ -114,7 +119,122 @@ class Robot:
     @property
     def joints(self) -> tuple[str, ...]:
         """Names of the actuated joints, in the order of the torques."""
-        return tuple(self.model.names)[2:]
+        return tuple(str(self.model.names[j]) for j in self.driven)
+
+    @property
+    def driven(self) -> tuple[int, ...]:
+        """Pinocchio's numbers of the actuated joints."""
+        passive = () if self.loops is None else self.loops.passive
+        return tuple(j for j in range(2, self.model.njoints) if j not in passive)
+
+    @property
+    def nv(self) -> int:
+        """Length of a velocity: base and actuated joints."""
+        return 6 + len(self.driven)
+
+    @property
+    def nq(self) -> int:
+        """Length of a configuration: base and actuated joints."""
+        return self.model.nq if self.loops is None else 7 + len(self.driven)
+
+    @property
+    def columns(self) -> NDArray[np.int64]:
+        """(joints,) of each actuated joint in a velocity of :attr:`model`."""
+        return np.array([self.model.joints[j].idx_v for j in self.driven], dtype=np.int64)
+
+    @property
+    def layout(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """(joints,) where the angle of each actuated joint is in a configuration, and (joints,) 1
+        for one that turns without bounds, which has a cosine and a sine there.
+        """
+        count = np.array([self.model.joints[j].nq for j in self.driven], dtype=np.int64)
+        return 7 + np.cumsum(count) - count, count - 1
+
+    @property
+    def places(self) -> NDArray[np.int64]:
+        """(joints,) of each actuated joint in a configuration of :attr:`model`."""
+        return np.array([self.model.joints[j].idx_q for j in self.driven], dtype=np.int64)
+
+    @property
+    def neutral(self) -> Vector:
+        """(nq,) configuration with all joints at zero."""
+        return np.array(pin.neutral(self.model)[: self.nq])
+
+    @property
+    def reference(self) -> Vector:
+        """(nq,) configuration with all joints at zero; of a robot with loops one at which they are
+        known to be closed.
+        """
+        q = self.neutral
+        if self.loops is not None:
+            q[7:] = self.loops.angles[np.array(self.driven) - 2]
+        return q
+
+    def closed(self, q: Vector) -> Vector:
+        """Configuration of :attr:`model`, with loops closed; q itself where there are none.
+
+        Args:
+            q: (nq,) configuration.
+
+        Raises:
+            InputError: the loops cannot be closed there.
+        """
+        return q if self.loops is None else self._close(q)[0]
+
+    def velocity_map(self, q: Vector) -> Vector:
+        """T (model.nv, nv): velocities of :attr:`model` are T v.
+
+        Args:
+            q: (nq,) configuration.
+
+        Raises:
+            InputError: as of :meth:`closed`.
+        """
+        return np.eye(self.nv) if self.loops is None else self._close(q)[1]
+
+    def _close(self, q: Vector) -> tuple[Vector, Vector]:
+        """Configuration of the tree, and T, of a robot with loops."""
+        from harpy_pin.model.closure import closed_tree  # kernels, which no other robot needs here
+
+        assert self.loops is not None
+        return closed_tree(self.model, self.loops, q)
+
+    def carriers(self, frame: str) -> tuple[int, ...]:
+        """Pinocchio's numbers of the actuated joints that may move a frame, from the base on.
+
+        Args:
+            frame: its name.
+        """
+        body = self.model.frames[self.frame_id(frame)].parentJoint
+        above: tuple[int, ...] = driven_supports(self.model, self.loops)[body]
+        return above
+
+    def integrate(self, q: Vector, displacement: Vector) -> Vector:
+        """(nq,) configuration after a displacement (nv,), the base along a screw.
+
+        Args:
+            q: (nq,) configuration.
+            displacement: velocity times time.
+        """
+        if self.loops is None:
+            return np.asarray(pin.integrate(self.model, q, displacement))
+        return np.asarray(self._space.integrate(q, displacement))
+
+    def difference(self, q: Vector, other: Vector) -> Vector:
+        """(nv,) displacement from a configuration to another one.
+
+        Args:
+            q: (nq,) where it begins.
+            other: (nq,) where it ends.
+        """
+        if self.loops is None:
+            return np.asarray(pin.difference(self.model, q, other))
+        return np.asarray(self._space.difference(q, other))
+
+    @property
+    def _space(self) -> Any:
+        """The space of configurations of base and actuated joints."""
+        return pin.liegroups.SE3() * pin.liegroups.Rn(len(self.driven))
 
     @property
     def mass(self) -> float:
@@ -124,12 +244,27 @@ class Robot:
     @property
     def torque_limit(self) -> Vector:
         """(joints,) peak torque of each joint, N·m."""
-        return np.array(self.model.effortLimit[self.model.joints[1].nv :])
+        return np.array(self.model.effortLimit[self.columns])
+
+    @property
+    def velocity_limit(self) -> Vector:
+        """(joints,) largest speed of each joint, rad/s."""
+        return np.array(self.model.velocityLimit[self.columns])
+
+    @property
+    def armature(self) -> Vector:
+        """(joints,) inertia of the rotor of each joint's motor, at the joint, kg·m²."""
+        return np.array(self.model.armature[self.columns])
+
+    @property
+    def damping(self) -> Vector:
+        """(joints,) viscous friction of each joint, N·m·s/rad."""
+        return np.array(self.model.damping[self.columns])
 
     @property
     def dry_friction(self) -> Vector:
         """(joints,) dry friction of each joint, N·m."""
-        return np.array(self.model.upperDryFrictionLimit[self.model.joints[1].nv :])
+        return np.array(self.model.upperDryFrictionLimit[self.columns])
 
     @property
     def n_thrust(self) -> int:
@@ -144,12 +279,7 @@ class Robot:
         Soles are counted where all feet are flat.
         """
         soles = len(self.flat_feet) if len({*self.flat_feet}) == 1 else 0
-        counts = {
-            "nv": self.model.nv,
-            "joints": len(self.joints),
-            "feet": len(self.feet),
-            "soles": soles,
-        }
+        counts = {"nv": self.nv, "joints": len(self.joints), "feet": len(self.feet), "soles": soles}
         return counts | {"thrusters": len(self.thrusters), "thrusts": self.n_thrust}
 
     @property
@@ -162,11 +292,11 @@ class Robot:
         """
         if self.feet or not self.rotors or len(self.rotors) < len(self.thrusters):
             return None
-        q = pin.neutral(self.model)
+        q = self.neutral
         if self.posture is not None:
             q[7:] = self.posture
         data = self.model.createData()
-        pin.framesForwardKinematics(self.model, data, q)
+        pin.framesForwardKinematics(self.model, data, self.closed(q))
         axes = [
             data.oMf[self.frame_id(rotor.frame)].rotation @ np.array(rotor.axis)
             for rotor in self.rotors
@@ -179,12 +309,16 @@ class Robot:
     @property
     def joint_lower(self) -> Vector:
         """(joints,) lower position limits, rad."""
-        return np.array(self.model.lowerPositionLimit[self.model.joints[1].nq :])
+        return self._ends(self.model.lowerPositionLimit)
 
     @property
     def joint_upper(self) -> Vector:
         """(joints,) upper position limits, rad."""
-        return np.array(self.model.upperPositionLimit[self.model.joints[1].nq :])
+        return self._ends(self.model.upperPositionLimit)
+
+    def _ends(self, limit: Vector) -> Vector:
+        """What belongs to the configuration's joints of an array (model.nq,) of the model."""
+        return np.array(limit[7:] if self.loops is None else limit[self.places])
 
     @checked
     def with_joints(
@@ -211,7 +345,7 @@ class Robot:
             InputError: joints of another robot, another length, or numbers that are not finite or
                 negative.
         """
-        base, changed = self.model.joints[1].nv, {}
+        changed = {}
         if found is not None and tuple(found.names) != self.joints:
             message = f"these are joints of another robot: {shown(', '.join(found.names), 300)}"
             raise InputError(f"{message}; expected {', '.join(self.joints)}", name="found")
@@ -220,10 +354,10 @@ class Robot:
             before = getattr(self.model, array)
             if given is None and found is not None:
                 known = getattr(found, name)
-                given = np.where(np.isnan(known), before[base:], known)
+                given = np.where(np.isnan(known), before[self.columns], known)
             if given is not None:
-                values = checks.gains(name, given, len(self.joints))
-                changed[array] = np.concatenate((before[:base], values))
+                changed[array] = np.array(before)
+                changed[array][self.columns] = checks.gains(name, given, len(self.joints))
         return self.with_arrays(changed)
 
     def with_mujoco(self, model: Any, *, prefix: str = "") -> Robot:
@@ -242,18 +376,14 @@ class Robot:
         Raises:
             InputError: the model has no free joint, lacks a joint, or has two of its name.
         """
-        joints, base = (
-            find_joints(model, [prefix + name for name in self.joints]),
-            self.model.joints[1].nv,
-        )
+        joints = find_joints(model, [prefix + name for name in self.joints])
         model = in_effect(model)
         first = model.jnt_dofadr[free_joint(model, joints)]
         known: dict[str, Any] = known_joints(model, joints)
         robot, limit = self.with_joints(**known), np.array(self.model.effortLimit)
-        armature = np.concatenate(
-            (model.dof_armature[first : first + base], robot.model.armature[base:])
-        )
-        limit[base:] = np.minimum(limit[base:], peak_torques(model, joints))
+        armature, columns = np.array(robot.model.armature), self.columns
+        armature[:6] = model.dof_armature[first : first + 6]
+        limit[columns] = np.minimum(limit[columns], peak_torques(model, joints))
         return robot.with_arrays({"armature": armature, "effortLimit": limit})
 
     def with_arrays(self, arrays: Mapping[str, Vector]) -> Robot:
@@ -290,9 +420,7 @@ def harpy_urdf() -> Path:
     """Path of Harpy's URDF: beside the package once installed, at the top of a checkout
     otherwise.
     """
-    package = Path(__file__).parent.parent
-    installed = package / "urdf" / "harpy.urdf"
-    return installed if installed.is_file() else package.parent / "urdf" / "harpy.urdf"
+    return own_urdf("harpy.urdf")
 
 
 def load_harpy(urdf: str | Path | None = None) -> Robot:
@@ -322,6 +450,7 @@ def load_robot(
     rotors: Sequence[Rotor] | None = None,
     posture: ArrayLike | None = None,
     joints: str | Path | None = None,
+    loops: Sequence[tuple[str, str, str]] = (),
 ) -> Robot:
     """Any floating-base robot, with point feet, flat ones or none, and with thrusters or rotors.
 
@@ -344,17 +473,24 @@ def load_robot(
             default. Where there are none, gaits find one (:func:`harpy_pin.model.ik.find_posture`).
         joints: file of ``harpy identify`` with their armature, damping and dry friction, see
             :meth:`Robot.with_joints`.
+        loops: (frame, frame, kind) of each closed loop of a URDF; the origins of the two frames are
+            one ``"point"``, or as far apart as at zero angles, ``"length"``, as the ends of a rod.
+            Joints of effort 0 on the way round follow the others. Loops of an MJCF file are those
+            that it has.
 
     A joint whose effort is zero in the file has no known one: it is warned of, and has no limit.
 
     Raises:
-        RobotError: a frame is absent, the robots of the catalogue are not installed, or as
-            :func:`harpy_pin.model.urdf.build_model`.
+        RobotError: a frame is absent, the robots of the catalogue are not installed, loops do not
+            close where the robot stands, or as :func:`harpy_pin.model.urdf.build_model`.
         InputError: the name is unknown, a file comes without feet, a flat foot is no foot, or the
             thrust limit is not positive.
     """
     if not isinstance(thrust_limit, float) or thrust_limit != np.inf:
         thrust_limit = checks.number("thrust_limit", thrust_limit, low=0.0, strict=True)
+    if isinstance(loops, str) or not isinstance(loops, Sequence):
+        message = f"loops must be a tuple of (frame, frame, kind), got {shown(loops)}"
+        raise InputError(message, name="loops", value=loops)
     listed = None if is_model(urdf) else catalogue_robot(urdf)
     known = listed or CatalogueRobot("", (), {})
     path = None if is_model(urdf) else known.path() if listed else checks.path("urdf", urdf)
@@ -363,6 +499,7 @@ def load_robot(
         "flat_feet": flat_feet,
         "rotors": rotors,
         "posture": posture,
+        "loops": loops or None,
     }
     told["thrusters"] = checks.names("thrusters", thrusters) or None
     told["thrust_limit"] = thrust_limit if thrust_limit < np.inf else None
@@ -385,11 +522,15 @@ def load_robot(
         *checks.names("frames of rotors", tuple(rotor_frames)),
     )
     read = _read(urdf, path, (*feet, *mounts))
-    model, angles = read.model, read.posture
+    model, angles, closing = read.model, read.posture, None
     if listed:
         known.add_frames(model)
         model.upperDryFrictionLimit = model.lowerDryFrictionLimit = np.zeros(model.nv)
         angles = known.posture(model)
+    ties = (*read.ties, *read_loops(loops or known.loops, model))
+    if ties:
+        closing = find_loops(model, ties, read.undriven, _start(model, angles, read.start))
+        angles = None if angles is None else np.delete(angles, np.array(closing.passive) - 2)
     for kind, names in (("foot", feet), ("thruster", mounts)):
         if len(set(names)) != len(names):
             raise InputError(f"a {kind} is named twice: {shown(', '.join(names), 300)}", name=kind)
@@ -400,18 +541,22 @@ def load_robot(
                     f"{where} has no {kind} frame {shown(name)}; {_links(model)}", path=path
                 )
     if flat_feet is None:
-        moved = feet_moved(model, feet)
-        legs = {
-            name: model.supports[model.frames[model.getFrameId(name)].parentJoint] for name in feet
-        }
+        moved, above = feet_moved(model, feet, closing), driven_supports(model, closing)
+        legs = {name: above[model.frames[model.getFrameId(name)].parentJoint] for name in feet}
         long = [name for name in feet if sum(moved[j] == 1 for j in legs[name]) >= SOLE_JOINTS]
         flat_feet = {name: read.soles[name] for name in long if name in read.soles}
     points, corners = add_flat_feet(model, feet, flat_feet)
     if posture is not None:
-        angles = checks.vector("posture", posture, model.nq - 7)
+        passive = 0 if closing is None else len(closing.passive)
+        angles = checks.vector("posture", posture, model.nq - 7 - passive)
     limits = np.array(model.effortLimit)
     parts = list(zip(model.names, model.joints, model.inertias, strict=True))[1:]
-    unknown = [name for name, joint, _ in parts[1:] if limits[joint.idx_v] == 0.0]
+    followers = () if closing is None else closing.passive
+    unknown = [
+        name
+        for name, joint, _ in parts[1:]
+        if limits[joint.idx_v] == 0.0 and joint.id not in followers
+    ]
     _warn(path, "of effort 0, taken as without a limit", unknown)
     if not listed:
         no_inertia = [name for name, _, body in parts if body.mass > 0.0 and not body.inertia.any()]
@@ -431,8 +576,19 @@ def load_robot(
         label=str(known_name(urdf)) if listed else "",
         source=deepcopy({name: value for name, value in told.items() if value is not None}),
         foot_radius=tuple(read.radii.get(name, 0.0) for name in points),
+        loops=closing,
     )
     return robot if joints is None else robot.with_joints(read_joints(joints))
+
+
+def _start(model: pin.Model, *known: Vector | None) -> Vector:
+    """(all joints,) from which closed loops are searched: those of the file, or zero or the next
+    limit.
+    """
+    for angles in known:
+        if angles is not None:
+            return angles
+    return np.asarray(np.clip(0.0, model.lowerPositionLimit[7:], model.upperPositionLimit[7:]))
 
 
 def _warn(path: Path | None, what: str, joints: Sequence[str]) -> None:
@@ -450,8 +606,10 @@ def _read(urdf: Any, path: Path | None, frames: Sequence[str]) -> Description:
             raise InputError(f"the MuJoCo model: {error}", name="urdf") from error
     with robot_errors(path, "an MJCF file"):
         if read_xml(path).tag != "mujoco":
-            model = build_model(path)
-            return Description(model, soles=find_soles(path, model, frames))
+            model, ties = build_model(path)
+            undriven = [j.id for j in list(model.joints)[2:] if model.effortLimit[j.idx_v] == 0.0]
+            soles = find_soles(path, model, frames)
+            return Description(model, soles=soles, ties=ties, undriven=undriven)
         return read_mujoco(compile_mjcf(path), frames, str(path))
 
 
@@ -477,16 +635,19 @@ def heavier(robot: Robot, error: float) -> Robot:
     return replace(robot, model=model)
 
 
-def configuration(model: pin.Model, q: ArrayLike) -> Vector:
+def configuration(robot: Robot, q: ArrayLike) -> Vector:
     """A checked configuration: the right length, finite, the quaternion of a free flyer
     normalised.
     """
-    result = checks.vector("q", q, model.nq)
-    if model.joints[1].nq == 7 and np.linalg.norm(result[3:7]) < 1e-6:
+    result = checks.vector("q", q, robot.nq)
+    if np.linalg.norm(result[3:7]) < 1e-6:
         raise InputError(
             "q has no orientation: its quaternion (entries 3 to 6) is zero", name="q", value=q
         )
-    return np.asarray(pin.normalize(model, result))
+    if robot.loops is not None:
+        result[3:7] /= np.linalg.norm(result[3:7])
+        return result
+    return np.asarray(pin.normalize(robot.model, result))
 
 
 @dataclass(frozen=True)
@@ -524,7 +685,7 @@ def robots() -> dict[str, KnownRobot]:
         )
     }
     for name, entry in CATALOGUE.items():
-        robot = load_robot(name) if installed else None
+        robot = load_robot(name) if installed or entry.own else None
         found = (
             (None, None, None)
             if robot is None
@@ -535,7 +696,9 @@ def robots() -> dict[str, KnownRobot]:
 
 
 def _licence(entry: CatalogueRobot) -> str | None:
-    """What the page beside a robot's files says."""
+    """What the page beside a robot's files says; this library's for its own."""
+    if entry.own:
+        return "BSD-2-Clause"
     page = entry.path().parents[1] / "README.md"
     text = page.read_text(errors="replace") if page.is_file() else ""
     found = re.search(r"^licen[cs]e: *(.+?) *$", text, re.MULTILINE | re.IGNORECASE)

@@ -16,15 +16,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from harpy_pin.kernels import diagonal, kernel
+from harpy_pin.model.closure import accelerate_loops, close_loops, reduce_force, reduce_mass
+from harpy_pin.model.placing import accelerated, place_body
 from harpy_pin.model.state import Vector
-from harpy_pin.model.tree import SLIDING, UNBOUNDED, TreeRecord
+from harpy_pin.model.tree import UNBOUNDED, TreeRecord
 from harpy_pin.model.vectors import (
     SMALL_ANGLE,
     force_cross,
-    motion_cross,
     quaternion_product,
     rotate,
-    rotation_about,
     rotation_matrix,
     skew,
 )
@@ -49,29 +49,19 @@ def place_bodies(t: TreeRecord, q: Vector, v: Vector) -> None:
     """Placement and velocity of every body."""
     body_rotation(q, t.rotation)
     t.twist[0] = v[:6]
-    for i in range(1, t.parent.shape[0]):
-        _place(t, q, i)
-        t.twist[i] = t.twist[t.parent[i]] + v[t.column[i]] * t.screw[i]
+    if t.loops.start.shape[0] > 0:  # known when compiling: a robot without loops pays nothing
+        close_loops(t, q, v)
+        _place_tree(t, t.loops.q, t.loops.v)
+    else:
+        _place_tree(t, q, v)
 
 
 @kernel
-def _place(t: TreeRecord, q: Vector, i: int) -> None:
-    """Placement of a body from its parent's, and the screw of the joint between them."""
-    p, place, o, s = t.parent[i], t.place[i], t.position[i], t.screw[i]
-    frame = t.axes[p] @ t.placement[i]
-    axis = frame @ t.axis[i]
-    o[:] = t.position[p] + t.axes[p] @ t.origin[i]
-    if t.kind[i] == SLIDING:
-        t.axes[i] = frame
-        o += q[place] * axis
-        s[:3], s[3:] = axis, 0.0
-        return
-    if t.kind[i] == UNBOUNDED:
-        cosine, sine = q[place], q[place + 1]
-    else:
-        cosine, sine = np.cos(q[place]), np.sin(q[place])
-    t.axes[i] = frame @ rotation_about(t.axis[i], cosine, sine)
-    s[:3], s[3:] = np.cross(o, axis), axis
+def _place_tree(t: TreeRecord, q: Vector, v: Vector) -> None:
+    """Placement and velocity of every body but the base, at a state of the tree."""
+    for i in range(1, t.parent.shape[0]):
+        place_body(t, q, i)
+        t.twist[i] = t.twist[t.parent[i]] + v[t.column[i]] * t.screw[i]
 
 
 @kernel
@@ -80,11 +70,29 @@ def joint_space_terms(t: TreeRecord, v: Vector, mass_matrix: Vector, bias: Vecto
 
     Entries of the mass matrix of joints on different branches are left as they are, zero.
     """
-    bodies = t.parent.shape[0]
     t.drift[0, :3], t.drift[0, 3:] = -(t.rotation.T @ t.gravity), 0.0
+    c = t.loops
+    if c.start.shape[0] > 0:
+        bias[:] = 0.0
+        accelerate_loops(t, bias)
+        _tree_terms(t, c.v, c.mass_matrix, c.bias)
+        reduce_mass(t, mass_matrix)
+        reduce_force(t, bias)
+    else:
+        _tree_terms(t, v, mass_matrix, bias)
+
+
+@kernel
+def _tree_terms(t: TreeRecord, v: Vector, mass_matrix: Vector, bias: Vector) -> None:
+    """Mass matrix and bias forces of the tree; these are of joints that accelerate as their loops
+    have it.
+    """
+    bodies = t.parent.shape[0]
     for i in range(bodies):
         if i > 0:
-            t.drift[i] = _accelerated(t, i, v[t.column[i]])
+            t.drift[i] = accelerated(t, i, v[t.column[i]])
+            if t.loops.start.shape[0] > 0:
+                t.drift[i] += t.loops.acceleration[t.column[i]] * t.screw[i]
         _weigh(t, i)
     for i in range(bodies - 1, 0, -1):
         _joint_terms(t, i, mass_matrix, bias)
@@ -101,13 +109,26 @@ def inverse_dynamics(t: TreeRecord, v: Vector, acceleration: Vector, out: Vector
 
     After :func:`place_bodies`; ``t.drift`` becomes the acceleration of every body, less gravity.
     """
+    c = t.loops
+    if c.start.shape[0] > 0:
+        t.drift[0, :3], t.drift[0, 3:] = -(t.rotation.T @ t.gravity), 0.0
+        accelerate_loops(t, acceleration)
+        _tree_forces(t, c.v, c.acceleration, c.bias)
+        reduce_force(t, out)
+    else:
+        _tree_forces(t, v, acceleration, out)
+
+
+@kernel
+def _tree_forces(t: TreeRecord, v: Vector, acceleration: Vector, out: Vector) -> None:
+    """Forces (nv,) of an acceleration (nv,) of the tree."""
     bodies = t.parent.shape[0]
     t.drift[0, :3] = acceleration[:3] - t.rotation.T @ t.gravity
     t.drift[0, 3:] = acceleration[3:6]
     for i in range(bodies):
         if i > 0:
             n = t.column[i]
-            t.drift[i] = _accelerated(t, i, v[n]) + acceleration[n] * t.screw[i]
+            t.drift[i] = accelerated(t, i, v[n]) + acceleration[n] * t.screw[i]
         _weigh(t, i)
     for i in range(bodies - 1, 0, -1):
         out[t.column[i]] = t.screw[i] @ t.force[i]
@@ -150,14 +171,6 @@ def _joint_terms(t: TreeRecord, i: int, mass_matrix: Vector, bias: Vector) -> No
     mass_matrix[column, column] += t.armature[column]
     mass_matrix[:6, column] = force
     mass_matrix[column, :6] = force
-
-
-@kernel
-def _accelerated(t: TreeRecord, i: int, speed: float) -> Vector:
-    """Acceleration of a body, less gravity, where its joint does not accelerate."""
-    p = t.parent[i]
-    moved: Vector = t.drift[p] + speed * motion_cross(t.twist[p], t.screw[i])
-    return moved
 
 
 @kernel
@@ -207,11 +220,34 @@ def _jacobian(t: TreeRecord, i: int, p: Vector, out: Vector) -> None:
     are.
     """
     r = t.rotation
+    if t.loops.start.shape[0] > 0:
+        out[:, 6:] = 0.0
     while t.parent.shape[0] > 1 and i > 0:  # a compiler sees that a single body has none above it
         s = t.screw[i]
-        out[:, t.column[i]] = r @ (s[:3] + np.cross(s[3:], p))
+        column = r @ (s[:3] + np.cross(s[3:], p))
+        if t.loops.start.shape[0] == 0:
+            out[:, t.column[i]] = column
+        elif t.column[i] < out.shape[1]:
+            out[:, t.column[i]] += column
+        else:
+            out[:, 6:] += np.outer(column, t.loops.spread[t.column[i] - 6])
         i = t.parent[i]
     out[:, :3], out[:, 3:6] = r, r @ skew(p).T
+
+
+@kernel
+def unit_motion(t: TreeRecord, i: int, column: int) -> Vector:
+    """Motion (6,) of body i for unit velocity of a joint of this column, which may move it, linear
+    at the base's origin and angular, base axes.
+    """
+    motion = np.zeros(6)
+    if t.loops.start.shape[0] > 0:
+        while i > 0:
+            motion += t.loops.spread[t.column[i] - 6, column - 6] * t.screw[i]
+            i = t.parent[i]
+    else:
+        motion[:] = t.screw[column - 5]
+    return motion
 
 
 @kernel
@@ -225,9 +261,15 @@ def _rotor(d: DynamicsRecord, n: int, i: int, p: Vector, out: Vector) -> None:
     # The wrench of a unit thrust at the base's origin, base axes: what a joint does of it follows
     # from its screw.
     moment = np.cross(p, axis) + d.drag[n] * axis
+    if t.loops.start.shape[0] > 0:
+        out[6:] = 0.0
     while t.parent.shape[0] > 1 and i > 0:  # a compiler sees that a single body has none above it
         s = t.screw[i]
-        out[t.column[i]] = axis @ s[:3] + moment @ s[3:]
+        share = axis @ s[:3] + moment @ s[3:]
+        if t.loops.start.shape[0] > 0:
+            out[6:] += share * t.loops.spread[t.column[i] - 6]
+        else:
+            out[t.column[i]] = share
         i = t.parent[i]
     out[:3], out[3:6] = axis, moment
 
@@ -238,6 +280,9 @@ def integrate(t: TreeRecord, q: Vector, displacement: Vector) -> None:
     screw.
     """
     _move_base(q, displacement)
+    if t.loops.start.shape[0] > 0:  # then joints do not turn without bounds
+        q[7:] += displacement[6:]
+        return
     for i in range(1, t.parent.shape[0]):
         place, step = t.place[i], displacement[t.column[i]]
         if t.kind[i] == UNBOUNDED:
@@ -303,6 +348,8 @@ def update_terms(d: DynamicsRecord, q: Vector, v: Vector) -> int:
     joint_space_terms(t, v, d.mass_matrix, d.bias)
     point_terms(d, q)
     good = all_possible(q) and all_possible(v) and is_unit(q) and all_finite(d.bias)
+    if t.loops.start.shape[0] > 0:
+        good = good and t.loops.closed != 0
     return GOOD if good else BAD
 
 

@@ -20,6 +20,7 @@ import pinocchio as pin
 from harpy_pin import checks
 from harpy_pin.errors import InputError, RobotError, shown
 from harpy_pin.model.flat_foot import FlatFoot, find_sole
+from harpy_pin.model.loops import Coupling
 
 _MAX_BYTES = 4_000_000
 _MAX_LINKS = 500
@@ -45,17 +46,19 @@ _NUMBERS: dict[str, tuple[int, tuple[str, ...], tuple[str, ...]]] = {
     "axis": (3, (), ("xyz",)),
     "limit": (1, ("effort", "velocity"), ("lower", "upper")),
     "dynamics": (1, (), ("damping", "friction", "armature")),
+    "mimic": (1, (), ("multiplier", "offset")),
     "box": (3, ("size",), ()),
     "cylinder": (1, ("radius", "length"), ()),
     "sphere": (1, ("radius",), ()),
     "mesh": (3, (), ("scale",)),
     "color": (4, ("rgba",), ()),
 }
-_SIGNED = ("ixy", "ixz", "iyz", "xyz", "rpy", "lower", "upper", "scale")
+_SIGNED = ("ixy", "ixz", "iyz", "xyz", "rpy", "lower", "upper", "scale", "multiplier", "offset")
 
 
-def build_model(path: Path) -> pin.Model:
-    """Pinocchio's model of a URDF, root joint a free flyer, armature set.
+def build_model(path: Path) -> tuple[pin.Model, list[Coupling]]:
+    """Pinocchio's model of a URDF, root joint a free flyer, armature set; and its joints that mimic
+    others.
 
     Every joint has one number in q. It is Pinocchio's model of the file, but for this:
 
@@ -65,8 +68,6 @@ def build_model(path: Path) -> pin.Model:
       (``base_footprint``) frames are left.
     - Of a link and a joint of one name the link's frame has it, and the joint's has ``joint:``
       before it.
-    - A joint that mimics another moves on its own, as by Pinocchio's default: the coupling is not
-      held.
     - A fixed joint has a place only: axis, limits and dynamics in it are ignored.
 
     ``floating`` and ``planar`` joints are refused, and so are bodies whose inertia no body can
@@ -88,7 +89,7 @@ def build_model(path: Path) -> pin.Model:
         _check_names(joints, "joint")
         _check_tree(links, joints)
         for joint in joints:
-            _keep(joint, _FIXED if joint.get("type") == "fixed" else _MOVING)
+            _keep(joint, _FIXED if joint.get("type") == "fixed" else (*_MOVING, "mimic"))
             _make_limited(joint)
         materials = root.findall("material")
         _check_names([material for material in materials if material.get("name")], "material")
@@ -96,6 +97,7 @@ def build_model(path: Path) -> pin.Model:
             _check_numbers(element)
         for joint in joints:
             _check_joint(joint)
+        couplings = _couplings(path, joints)
         _warn_of_ranges(path, joints)
         unbounded = [joint.get("name") for joint in joints if joint.get("type") == "continuous"]
         for joint in joints:
@@ -125,7 +127,7 @@ def build_model(path: Path) -> pin.Model:
         _move_base(model, links, joints)
         _name_frames(model)
         check_bodies(model)
-    return model
+    return model, couplings
 
 
 def find_soles(path: Path, model: pin.Model, frames: Sequence[str]) -> dict[str, FlatFoot]:
@@ -413,6 +415,27 @@ def _check_joint(joint: ElementTree.Element) -> None:
         raise InputError(f"joint '{name}' has no <limit>")
     upper, lower = float(limit.get("upper", "0")), float(limit.get("lower", "0"))
     checks.number(f"upper limit of joint '{name}'", upper, low=lower)
+
+
+def _couplings(path: Path, joints: Sequence[ElementTree.Element]) -> list[Coupling]:
+    """The joints that mimic others; one that mimics none of the file's is warned of."""
+    moving, found, alone = [j.get("name") for j in joints if j.get("type") != "fixed"], [], []
+    for joint in joints:
+        name, mimic = str(joint.get("name")), joint.find("mimic")
+        if mimic is None:
+            continue
+        leader = mimic.get("joint", "")
+        joint.remove(mimic)
+        if leader not in moving or leader == name:
+            alone.append(f"'{name}' ({shown(leader)})")
+            continue
+        ratio, offset = float(mimic.get("multiplier", "1")), float(mimic.get("offset", "0"))
+        found.append(Coupling(name, leader, ratio, offset))
+    if alone:
+        more = f" and {len(alone) - 1} more" if len(alone) > 1 else ""
+        message = f"{_shown(path)}: joints mimic none that moves, and move on their own"
+        warnings.warn(f"{message}: {alone[0]}{more}", stacklevel=5)
+    return found
 
 
 def check_bodies(model: pin.Model) -> None:

@@ -106,7 +106,7 @@ class Actuators:
         """
         if self.viscous_friction == 0.0:
             return robot
-        return robot.with_joints(damping=robot.model.damping[6:] + self.viscous_friction)
+        return robot.with_joints(damping=robot.damping + self.viscous_friction)
 
     @checked
     def coulomb(self, robot: Robot) -> Vector:
@@ -141,13 +141,12 @@ class MotorsRecord(RecordOf):
 
 def motors_of(robot: Robot) -> dict[str, Any]:
     """What :func:`motors_record` takes of a robot."""
-    joints = list(robot.model.joints)[2:]
-    place, unbounded = ([getattr(joint, name) for joint in joints] for name in ("idx_q", "nq"))
+    place, unbounded = robot.layout
     return {
         "peak": robot.torque_limit,
-        "fastest": np.array(robot.model.velocityLimit[6:]),
-        "place": np.array(place),
-        "unbounded": np.array(unbounded) - 1,
+        "fastest": robot.velocity_limit,
+        "place": place,
+        "unbounded": unbounded,
     }
 
 

@@ -9,10 +9,10 @@ ends a joint feels nothing.
 from __future__ import annotations
 
 import numpy as np
-import pinocchio as pin
 from numpy.typing import NDArray
 
 from harpy_pin.kernels import kernel
+from harpy_pin.model.posed import free_inertia
 from harpy_pin.model.record import RecordOf, Records, make_record
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
@@ -48,16 +48,13 @@ def joint_ends_record(robot: Robot | None = None, dt: float = 1.0) -> Records[Jo
         *np.zeros((3, 0)),
     )
     if robot is not None:
-        model, q = robot.model, pin.neutral(robot.model)
-        joints = [joint for joint in list(model.joints)[2:] if joint.nq == 1]
-        place, column = (
-            np.array([getattr(j, name) for j in joints], np.int64) for name in ("idx_q", "idx_v")
-        )
-        ranged = model.lowerPositionLimit[place] < model.upperPositionLimit[place]
-        place, column = place[ranged], column[ranged]
-        low, high = model.lowerPositionLimit[place], model.upperPositionLimit[place]
+        q, (place, unbounded) = robot.neutral, robot.layout
+        low, high = robot.joint_lower, robot.joint_upper
+        ranged = (unbounded == 0) & (low[place - 7] < high[place - 7])
+        column, place = 6 + np.flatnonzero(ranged), place[ranged]
+        low, high = low[place - 7], high[place - 7]
         q[7:] = 0.0 if robot.posture is None else robot.posture
-        inertia = 1.0 / np.diag(pin.computeMinverse(model, model.createData(), q))[column]
+        inertia = free_inertia(robot, q)[column - 6]
     return make_record(
         JointEndsRecord,
         place=place,

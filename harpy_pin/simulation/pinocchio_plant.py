@@ -95,6 +95,12 @@ class PinocchioPlant(SteppedPlant):
         actuators: Actuators | None = None,
         stiction_tolerance: float = STICTION_TOLERANCE,
     ) -> None:
+        if checks.instance("robot", robot, Robot).loops is not None:
+            raise InputError(
+                f"'{robot.name}' has closed loops, which Pinocchio's plant does not know: take "
+                "another plant",
+                name="robot",
+            )
         super().__init__(robot, ground, dt=dt, gravity=gravity, actuators=actuators)
         self.stiction_tolerance = checked_tolerance(stiction_tolerance)
         self.model: pin.Model = self.dynamics.model

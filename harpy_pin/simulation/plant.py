@@ -14,7 +14,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
 import numpy as np
-import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
 from harpy_pin import checks
@@ -131,9 +130,8 @@ class Plant(KeepsViews, ABC):
         self.slip_path: Vector = field(slip, "path")
         self.slip_net: Vector = field(slip, "net")
         self.counts: NDArray[np.int64] = field(record, "counts")
-        model = self.dynamics.model
-        self.q: Vector = pin.neutral(model)
-        self.v: Vector = np.zeros(model.nv)
+        self.q: Vector = robot.neutral
+        self.v: Vector = np.zeros(robot.nv)
         self.t = 0.0
         self._applied = np.zeros(self._shapes[1])
         self._noted_torque, self._noted_thrust = (
@@ -181,9 +179,8 @@ class Plant(KeepsViews, ABC):
         Raises:
             InputError: wrong shapes or entries that are not finite.
         """
-        model = self.dynamics.model
-        self.q = configuration(model, q)
-        self.v = checks.vector("v", v, model.nv)
+        self.q = configuration(self.robot, q)
+        self.v = checks.vector("v", v, self.robot.nv)
         self.t = checks.number("t", t)
         self._foot_force[:] = 0.0
         self.dynamics.update(self.q, self.v)

@@ -56,9 +56,8 @@ class Sensing(KeepsViews):
             checks.number("period", period, low=0.0, strict=True),
         )
         self.gravity, self.seed = checks.vector("gravity", gravity, 3), checks.whole("seed", seed)
-        joints = list(robot.model.joints)[2:]
-        self._place = np.array([joint.idx_q for joint in joints], dtype=np.int64)
-        self._unbounded = np.array([joint.nq == 2 for joint in joints], dtype=bool)
+        self._place, unbounded = robot.layout
+        self._unbounded = unbounded != 0
         self._every = 1 if imu.rate is None else max(round(1.0 / (imu.rate * self.period)), 1)
         self.reset()
 

@@ -58,7 +58,7 @@ def robot_of(run: Run, urdf: str | Path | None = None) -> Robot:
     name = run.metadata.get("robot")
     if urdf is None and name in CATALOGUE:
         robot = load_robot(str(name))
-        if (robot.feet, robot.thrusters, robot.model.nq) == (feet, thrusters, run["q"].shape[1]):
+        if (robot.feet, robot.thrusters, robot.nq) == (feet, thrusters, run["q"].shape[1]):
             return robot
     if isinstance(source, dict):
         return read_robot(source if urdf is None else {**source, "file": str(urdf)})

@@ -130,7 +130,7 @@ class WholeBodyProblem(KeepsViews):
         self.weights = weights if weights is not None else WholeBodyWeights.for_robot(robot)
         self.limits = limits if limits is not None else WholeBodyLimits()
         self.feet, self.joints = len(robot.feet), len(robot.joints)
-        self.nv, self.n_force, self.n_thrust = robot.model.nv, 3 * self.feet, robot.n_thrust
+        self.nv, self.n_force, self.n_thrust = robot.nv, 3 * self.feet, robot.n_thrust
         self.foot_rows = (
             len(self.limits.pyramid) + 1
         )  # the pyramid's faces, and the range of the normal force

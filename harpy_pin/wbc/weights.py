@@ -236,7 +236,7 @@ def check_terms(robot: Robot, dynamics: Dynamics, targets: WholeBodyTargets) -> 
         return
     terms = checks.instance("dynamics", dynamics, Dynamics)
     tasks = checks.instance("targets", targets, WholeBodyTargets)
-    nv, feet, thrusts = robot.model.nv, len(robot.feet), robot.n_thrust
+    nv, feet, thrusts = robot.nv, len(robot.feet), robot.n_thrust
     if (len(terms.bias), len(terms.foot_position), len(terms.thruster_jacobian)) != (
         nv,
         feet,
@@ -264,6 +264,5 @@ def joint_weights(robot: Robot) -> list[str]:
     A waist between the base and several feet holds no foot where it should be: with the small
     weight of a leg nothing would hold it against the hips.
     """
-    return [
-        "posture" if moved == 1 else "arms" for moved in feet_moved(robot.model, robot.feet)[2:]
-    ]
+    moved = feet_moved(robot.model, robot.feet, robot.loops)
+    return ["posture" if moved[j] == 1 else "arms" for j in robot.driven]

@@ -21,6 +21,7 @@ from comparison.tables import Table
 from harpy_pin.files import finite
 
 TINY: dict[str, dict[str, Any]] = {
+    "built": {"walkers": ("governed/none", "condensed"), "frictions": (0.5,), "duration": 0.5},
     "assumption": {
         "walkers": ("governed/none", "condensed"),
         "errors": (0.0, 1.5),

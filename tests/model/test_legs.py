@@ -71,7 +71,7 @@ def test_knees_are_found_by_axes_and_waists_are_of_no_leg(biped, joints, below, 
     for side, leg in zip("LR", legs(robot), strict=True):
         assert leg.points == (f"{side}_sole",)
         assert names_of(robot, leg.joints) == [f"j_{side}_{name}" for name in joints]
-        assert names_of(robot, leg.below_hip) == [f"j_{side}_{name}" for name in below.split()]
+        assert names_of(robot, leg.way) == [f"j_{side}_{name}" for name in below.split()]
     assert feet_moved(robot.model, robot.feet)[2 : 2 + len(waist)] == [2] * len(waist)
     assert leg_length(robot) == pytest.approx(leg_length(biped(joints, flat=False)), rel=1e-12)
 
@@ -91,7 +91,7 @@ def test_knees_are_found_by_axes_and_waists_are_of_no_leg(biped, joints, below, 
 def test_knees_of_known_robots(name, below):
     robot = hp.load_robot(name)
     for leg in legs(robot):
-        found = names_of(robot, leg.below_hip)
+        found = names_of(robot, leg.way)
         assert all(joint.endswith(end) for joint, end in zip(found, below.split(), strict=True))
 
 

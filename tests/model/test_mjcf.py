@@ -373,11 +373,11 @@ def test_what_no_rigid_tree_has_is_said(tmp_path, text, words):
         ),
         (
             dog(sections='<equality><connect site1="FL_foot" site2="FR_foot"/></equality>'),
-            "<connect>",
+            "no loop of 'dog' holds joint",
         ),
         (
             dog(sections='<equality><joint joint1="FL_calf" joint2="FR_calf"/></equality>'),
-            "<joint>",
+            "no loop of 'dog' holds joint",
         ),
         (dog(sections=motors('ctrlrange="0 4"')), "'FL_hip' can be pushed one way only"),
         (

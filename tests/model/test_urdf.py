@@ -253,10 +253,16 @@ def test_continuous_joints_are_revolute_without_limits(tmp_path):
     )
 
 
-def test_joints_that_mimic_move_on_their_own(tmp_path):
+def test_joints_that_mimic_follow(tmp_path):
     path = tmp_path / "mimic.urdf"
     path.write_text(changed(KNEE, f'{KNEE}<mimic joint="right_knee" multiplier="x"/>'))
-    assert load_harpy(path).model == load_harpy().model
+    with pytest.raises(RobotError, match="multiplier of joint 'left_knee'"):
+        load_harpy(path)
+    path.write_text(changed(KNEE, f'{KNEE}<mimic joint="right_knee"/>'))
+    assert load_harpy(path).joints == tuple(n for n in load_harpy().joints if n != "left_knee")
+    path.write_text(changed(KNEE, f'{KNEE}<mimic joint="no_knee"/>'))
+    with pytest.warns(UserWarning, match="mimic none that moves.*'left_knee'"):
+        assert load_harpy(path).model == load_harpy().model
 
 
 def test_what_a_fixed_joint_cannot_use_is_ignored(tmp_path):

@@ -329,7 +329,7 @@ def test_tendons_that_couple_joints_are_refused(go2):
         )
 
     with pytest.raises(
-        InputError, match="<tendon> of the MuJoCo model holds the robot: closed loops and couplings"
+        InputError, match="<tendon> of the MuJoCo model holds the robot otherwise than a loop"
     ):
         changed(go2, change)
 

@@ -134,6 +134,8 @@ def test_state_of_any_tree_comes_back_and_means_the_same(seed):
 def test_every_robot_of_the_catalogue_accelerates_as_pinocchio_says():
     for name in CATALOGUE:
         robot = hp.load_robot(name)
+        if robot.loops is not None:  # test_loop_walks.py
+            continue
         model, rng = robot.model, np.random.default_rng(1)
         inside = MujocoModel(robot, friction=1.0, dt=1e-3, gravity=G, foot_radius=1e-4)
         q = pin.integrate(model, pin.neutral(model), 0.3 * rng.standard_normal(model.nv))

@@ -65,7 +65,7 @@ def places(robot, q, names=None):
     named.
     """
     data = robot.model.createData()
-    pin.framesForwardKinematics(robot.model, data, q)
+    pin.framesForwardKinematics(robot.model, data, robot.closed(q))
     return np.array(
         [
             data.oMf[robot.frame_id(name)].translation

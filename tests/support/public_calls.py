@@ -295,6 +295,7 @@ def values() -> dict[str, Any]:
         **{"gaits.swing.foot": np.zeros(3), "gaits.swing.goal": np.ones(3)},
         **{"gaits.swing.left": 1.0, "gaits.swing.apex": 1.0},
         "load_robot.feet": robot.feet,
+        "load_robot.loops": (),
         "WholeBodyController.weight": 0.1,
         "CondensedController.weight": 0.1,
         "wbc.AddedTasks.weight": 0.1,

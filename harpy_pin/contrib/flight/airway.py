@@ -159,7 +159,7 @@ class Balance:
 
     def __init__(self, robot: Robot, q: Vector, *, weight: float = 1.0) -> None:
         self.robot, self.dynamics = robot, Dynamics(robot)
-        model, nv = Dynamics(robot, gravity=np.array((0.0, 0.0, -weight * GRAVITY))), robot.model.nv
+        model, nv = Dynamics(robot, gravity=np.array((0.0, 0.0, -weight * GRAVITY))), robot.nv
         rest, joints = np.zeros(nv), nv - 6
         model.update(q, rest)
         drive, mass = _inputs(model), model.mass_matrix.copy()

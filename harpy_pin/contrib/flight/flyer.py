@@ -111,13 +111,13 @@ class AirPostures:
 
     def places(self, q: Vector) -> Vector:
         """(feet, 3) places about the body's origin, m; the terms are at q."""
-        self._dynamics.update(q, np.zeros(self.robot.model.nv))
+        self._dynamics.update(q, np.zeros(self.robot.nv))
         return self._dynamics.foot_position.copy()
 
     def _lacking(self, q: Vector) -> Vector:
         """What the thrusters lack of the moments that carry the robot, per weight, m."""
         d = self._dynamics
-        d.update(q, np.zeros(self.robot.model.nv))
+        d.update(q, np.zeros(self.robot.nv))
         found: Vector = lacking_moments(d).T @ d.bias[:6] / (self.robot.mass * GRAVITY)
         return found
 
@@ -157,7 +157,7 @@ class AirPostures:
         Its feet rest on the ground, at places (feet, 3) about the body's origin, m: an
         :class:`InputError` if out of reach.
         """
-        d, nv = self._dynamics, self.robot.model.nv
+        d, nv = self._dynamics, self.robot.nv
         q, v = self._q.copy(), np.concatenate((velocity, np.zeros(nv - 3)))
         for _ in range(STEPS):
             away = (feet - self.places(q)).ravel()

@@ -269,7 +269,7 @@ class RobotEnv(gymnasium.Env[Numbers, Numbers]):
         if not self._drives:
             q[7:] += self.np_random.uniform(-SPREAD, SPREAD, len(q) - 7)
             data = self.robot.model.createData()
-            pin.framesForwardKinematics(self.robot.model, data, q)
+            pin.framesForwardKinematics(self.robot.model, data, self.robot.closed(q))
             feet = [data.oMf[self.robot.frame_id(foot)].translation for foot in self.robot.feet]
             q[2] -= (
                 min(foot[2] - self._below(foot) for foot in feet)

@@ -58,9 +58,12 @@ def rigid(robot: Robot) -> pin.Model:
     """The model with ideal joints: no armature, damping or dry friction.
 
     Raises:
-        InputError: its joints have not one angle each.
+        InputError: its joints have not one angle each, or it has closed loops.
     """
     model = robot.model.copy()
+    if robot.loops is not None:
+        message = f"'{robot.name}' has closed loops, whose joints cannot be identified"
+        raise InputError(message, name="robot", value=robot)
     if model.nq != len(robot.joints) + 7:
         raise InputError(
             "only joints with one angle each can be identified, none that turns without end",

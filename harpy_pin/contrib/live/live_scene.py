@@ -67,7 +67,8 @@ class LiveScene:
         self.origin, self.body = np.zeros(3), np.zeros(3)
         self._time, self._mu, self._slope = -1.0, -1.0, 0.0
         self._strip: tuple[float, float] | None = None  # where it lies along x, m
-        self._model, self._data = robot.model, robot.model.createData()
+        self._closed, self._data = robot.closed, robot.model.createData()
+        self._model = robot.model
         self._mounts = [robot.frame_id(name) for name in robot.thrusters]
         self.scale = scale = _size(robot)
         _set_stage(scene)
@@ -113,7 +114,7 @@ class LiveScene:
         """Show a snapshot."""
         s = snapshot
         self._follow(s)
-        pin.framesForwardKinematics(self._model, self._data, s["q"])
+        pin.framesForwardKinematics(self._model, self._data, self._closed(s["q"]))
         motions: Motions = {"": Motion(position=-self.origin[None])}
         motions |= self._robot.motions(
             np.stack([placement.homogeneous for placement in self._data.oMi])[None]
@@ -204,7 +205,7 @@ def _size(robot: Robot) -> float:
         return 1.0
     q, _ = Standing(robot).initial_state()
     data = robot.model.createData()
-    pin.framesForwardKinematics(robot.model, data, q)
+    pin.framesForwardKinematics(robot.model, data, robot.closed(q))
     points = np.array([data.oMi[joint].translation for joint in range(1, robot.model.njoints)])
     feet = np.array([data.oMf[robot.frame_id(name)].translation for name in robot.feet])
     around = np.linalg.norm(np.concatenate((points, feet))[:, :2], axis=1).max()

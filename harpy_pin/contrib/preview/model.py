@@ -37,7 +37,7 @@ class SingleBody:
     def __init__(self, robot: Robot, q: Vector) -> None:
         self._model, self._data = robot.model, robot.model.createData()
         self.mass = robot.mass
-        pin.ccrba(robot.model, self._data, q, np.zeros(robot.model.nv))
+        pin.ccrba(robot.model, self._data, q, np.zeros(robot.nv))
         self.inertia: Vector = self._data.Ig.inertia.copy()
         self.centre: Vector = pin.centerOfMass(robot.model, self._data, q) - q[:3]
         self.motion: Vector = np.zeros((2, 6))

@@ -4,13 +4,13 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-import pinocchio as pin
 from numpy.typing import NDArray
 
 from harpy_pin.gaits.fitting import GRAVITY
 from harpy_pin.gaits.walking.parameters import WalkingParameters
 from harpy_pin.gaits.walking.rolling import soles_of
 from harpy_pin.model.legs import legs
+from harpy_pin.model.posed import Posed
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
 
@@ -51,33 +51,32 @@ class Build:
 def build_of(robot: Robot, q: Vector, w: WalkingParameters) -> Build:
     """How a robot with feet is built that stands in the configuration q."""
     soles = bool(robot.flat_feet)
-    model, data = robot.model, robot.model.createData()
-    centre = np.array(pin.centerOfMass(model, data, q)) - q[:3]
-    pin.updateFramePlacements(model, data)
-    point = np.array([data.oMf[robot.frame_id(name)].translation - q[:3] for name in robot.feet])
+    posed, model = Posed(robot, q), robot.model
+    centre = posed.centre - q[:3]
+    point = np.array([posed.frame(name).translation - q[:3] for name in robot.feet])
     foot = np.repeat(np.arange(len(robot.corners)), robot.corners)
     place = np.array([point[foot == k].mean(axis=0) for k in range(len(robot.corners))])
-    inertia = pin.crba(model, data, q)
+    inertia, limit = posed.mass_matrix, robot.torque_limit
     lengths, hips, knees, swings, beside = [], [], [], [], np.zeros(len(robot.corners))
     for k, leg in enumerate(legs(robot)):
-        points = [*(data.oMi[j].translation - q[:3] for j in leg.below_hip), place[k]]
+        points = [*(posed.joint(j) - q[:3] for j in leg.way), place[k]]
         lengths.append(sum(float(np.linalg.norm(b - a)) for a, b in pairwise(points)))
-        knees.append(model.effortLimit[model.joints[leg.joints[leg.knee]].idx_v])
+        knees.append(limit[leg.columns[leg.knee] - 6])
         hips.append(float(points[0][2] - place[k, 2]))
         if len(robot.corners) > 2 and leg.knee > 1:
-            beside[k] = place[k, 1] + q[1] - data.oMi[leg.joints[0]].translation[1]
-        roll = leg.joints[: max(leg.knee, 1)]  # soles roll, too
-        for joint in leg.below_hip[:1] if robot.corners[k] == 1 else roll:
-            column = model.joints[joint].idx_v
-            arm = float(data.oMi[joint].translation[2] - q[2] - place[k, 2])
-            swings.append(arm * model.effortLimit[column] / float(inertia[column, column]))
+            beside[k] = place[k, 1] + q[1] - posed.joint(leg.joints[0])[1]
+        top = max(leg.knee - 1, 0)
+        for n in (top,) if robot.corners[k] == 1 else range(max(leg.knee, 1)):  # soles roll, too
+            column = leg.columns[n]
+            arm = float(posed.joint(leg.joints[n])[2] - q[2] - place[k, 2])
+            swings.append(arm * limit[column - 6] / float(inertia[column, column]))
     length, hip = min(lengths), max(hips)
     bent, stretched = (w.sole_hip_height, w.sole_stretch) if soles else (w.hip_height, w.stretch)
     # Lower than the posture, where its legs would be almost stretched.
     lower = max(hip - bent * length, 0.0)
     reach = float(np.sqrt(max((stretched * length) ** 2 - (hip - lower) ** 2, 0.0)))
     rise = float(centre[2] - point[:, 2].min()) - lower
-    reaction, turning = _reactions(robot, q, rise)
+    reaction, turning = _reactions(posed, rise)
     frames = [model.frames[robot.frame_id(name)] for name in robot.feet]
     corner = (point - place[foot])[:, :2]
     own, askew = soles_of(corner, foot)
@@ -110,24 +109,20 @@ def build_of(robot: Robot, q: Vector, w: WalkingParameters) -> Build:
     )
 
 
-def _reactions(robot: Robot, q: Vector, rise: float) -> Vector:
+def _reactions(posed: Posed, rise: float) -> Vector:
     """(2, feet, 2, 3) velocity of the pendulum for a velocity of each foot relative to the body, in
     the posture; and what of it is of the angular momentum about the centre of mass.
     """
-    model, data = robot.model, robot.model.createData()
-    pin.computeJointJacobians(model, data, q)
-    pin.updateFramePlacements(model, data)
-    momentum = np.array(pin.computeCentroidalMap(model, data, q)) / robot.mass
+    robot = posed.robot
+    momentum = posed.momentum_map / robot.mass
     turning = np.array((momentum[4], -momentum[3])) / rise
     both = np.array((momentum[:2] + turning, turning))
     starts = np.cumsum((0, *robot.corners))
     found = np.empty((2, len(robot.corners), 2, 3))
     for k in range(len(robot.corners)):
-        jacobian = np.zeros((3, model.nv))
+        jacobian = np.zeros((3, robot.nv))
         for name in robot.feet[starts[k] : starts[k + 1]]:
-            jacobian += pin.getFrameJacobian(
-                model, data, robot.frame_id(name), pin.LOCAL_WORLD_ALIGNED
-            )[:3]
+            jacobian += posed.jacobian(name)[:3]
         jacobian /= robot.corners[k]
         jacobian[:, :6] = 0.0
         found[:, k] = both @ np.linalg.pinv(jacobian)

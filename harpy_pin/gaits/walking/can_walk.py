@@ -1,10 +1,10 @@
 """Whether the legs of a robot can walk."""
 
 import numpy as np
-import pinocchio as pin
 
 from harpy_pin.gaits.fitting import leg_length
 from harpy_pin.model.legs import legs
+from harpy_pin.model.posed import Posed
 from harpy_pin.model.robot import Robot
 
 DIRECTION = 0.3
@@ -22,24 +22,19 @@ def why_no_walk(robot: Robot) -> str:
     foot's Jacobian that the joints of its leg have to have, in the posture or at zero. They need
     not turn it about the vertical.
     """
-    model, data, q = robot.model, robot.model.createData(), pin.neutral(robot.model)
+    q = robot.neutral
     zero = np.clip(0.0, robot.joint_lower, robot.joint_upper)
     q[7:] = zero if robot.posture is None else robot.posture
-    pin.computeJointJacobians(model, data, q)
-    pin.updateFramePlacements(model, data)
+    posed = Posed(robot, q)
     for leg in legs(robot):
         joints = len(leg.joints)
         if joints < 3:
             return SHORT_LEG.format(robot.name)
-        frames = [robot.frame_id(name) for name in leg.points]
-        jacobian = np.mean(
-            [pin.getFrameJacobian(model, data, k, pin.LOCAL_WORLD_ALIGNED) for k in frames], axis=0
-        )
-        columns = [model.joints[j].idx_v for j in leg.joints]
-        level = jacobian[:, columns][[0, 4, 1, 3]]  # (forward, pitch, aside, roll)
+        jacobian = np.mean([posed.jacobian(name) for name in leg.points], axis=0)
+        level = jacobian[:, leg.columns][[0, 4, 1, 3]]  # (forward, pitch, aside, roll)
         level[[0, 2]] /= leg_length(robot)
         way, size, _ = np.linalg.svd(level)
-        if len(frames) > 1 and size[-1] < DIRECTION:
+        if len(leg.points) > 1 and size[-1] < DIRECTION:
             where = "aside" if np.abs(way[2:, -1]).max() > np.abs(way[:2, -1]).max() else "forward"
             return (
                 f"'{robot.name}' cannot walk on soles: the {joints} joints of the leg of "

@@ -216,7 +216,7 @@ def walking_record(
             touch_force=max(w.touch_force * robot.mass * GRAVITY / feet, w.min_touch_force),
         ),
         terrain=flat_terrain(),
-        measured=make_record(MeasuredRecord, sizes, tree=tree_record(robot.model)),
+        measured=make_record(MeasuredRecord, sizes, tree=tree_record(robot.model, robot.loops)),
         planned=make_record(
             PlannedRecord,
             sizes,

@@ -7,10 +7,12 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
+from harpy_pin.errors import InputError
 from harpy_pin.gaits.fitting import GRAVITY
 from harpy_pin.gaits.walking.build import Build
 from harpy_pin.gaits.walking.pendulum import toward
 from harpy_pin.model.legs import legs
+from harpy_pin.model.posed import Posed
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
 
@@ -28,24 +30,17 @@ def holding_load(robot: Robot, q: Vector, group: NDArray[np.int64]) -> float:
     """Largest torque of the motors of the legs that hold the weight, in equal shares, while each
     group of feet swings, as a share of their limits.
     """
-    model, data = robot.model, robot.model.createData()
-    weight = pin.computeGeneralizedGravity(model, data, q)
-    pin.computeJointJacobians(model, data, q)
-    pin.updateFramePlacements(model, data)
-    found, worst = legs(robot), 0.0
+    posed, limit, found, worst = Posed(robot, q), robot.torque_limit, legs(robot), 0.0
+    weight = posed.holding
     for swinging in range(int(group.max()) + 1):
         holding = [
             leg for leg, number in zip(found, group, strict=True) if number != swinging
         ] or found
         for leg in holding:
-            frames = [robot.frame_id(name) for name in leg.points]
-            up = np.mean(
-                [pin.getFrameJacobian(model, data, k, pin.LOCAL_WORLD_ALIGNED)[2] for k in frames],
-                axis=0,
-            )
-            joints = [model.joints[j].idx_v for j in leg.joints]
+            up = np.mean([posed.jacobian(name)[2] for name in leg.points], axis=0)
+            joints = np.array(leg.columns)
             torque = weight[joints] - up[joints] * robot.mass * GRAVITY / len(holding)
-            worst = max(worst, float(np.max(np.abs(torque) / model.effortLimit[joints])))
+            worst = max(worst, float(np.max(np.abs(torque) / limit[joints - 6])))
     return worst
 
 
@@ -66,7 +61,7 @@ def swing_load(
     a stance ahead. It moves vertically in the share ``upright`` of its swing, at the end.
     """
     model, data = robot.model, robot.model.createData()
-    duration = (1.0 - double_support) * step_duration
+    duration, limit = (1.0 - double_support) * step_duration, robot.torque_limit
     time, rest = np.linspace(0.0, duration, SAMPLES), (1.0 - upright) * duration
     ahead = np.array([toward(0.0, 0.0, 0.0, 1.0, rest, min(t, rest))[0] for t in time])
     u = np.minimum(time / rest, 1.0)
@@ -77,8 +72,12 @@ def swing_load(
     way[:, 2] = q[2] - build.height + 64.0 * clearance * (u * (1.0 - u)) ** 3
     worst = 0.0
     for leg in legs(robot):
-        joints = [model.joints[j].idx_v for j in leg.joints]
-        path = _follow(robot, q, leg.points[0], joints, way)
+        joints = np.array(leg.columns)
+        try:
+            followed = _follow(robot, q, leg.points[0], joints, way)
+        except InputError:  # a linkage does not go so far
+            return np.inf
+        path = [robot.closed(at) for at in followed]
         rate = [pin.difference(model, a, b) / time[1] for a, b in pairwise(path)]
         for i in range(1, SAMPLES - 1):
             torque = pin.rnea(
@@ -88,29 +87,29 @@ def swing_load(
                 0.5 * (rate[i - 1] + rate[i]),
                 (rate[i] - rate[i - 1]) / time[1],
             )
-            worst = max(worst, float(np.max(np.abs(torque[joints]) / model.effortLimit[joints])))
+            torque = (robot.velocity_map(followed[i]).T @ torque)[joints]
+            worst = max(worst, float(np.max(np.abs(torque) / limit[joints - 6])))
     return worst
 
 
-def _follow(robot: Robot, q: Vector, foot: str, joints: list[int], way: Vector) -> list[Vector]:
+def _follow(
+    robot: Robot, q: Vector, foot: str, joints: NDArray[np.int64], way: Vector
+) -> list[Vector]:
     """Configurations in which the joints of one leg, of these columns, bring its foot along a
     way.
     """
-    model, data, frame = robot.model, robot.model.createData(), robot.frame_id(foot)
-    pin.framesForwardKinematics(model, data, q)
-    start, path = data.oMf[frame].translation.copy(), []
+    posed, path = Posed(robot, q), []
+    start = posed.frame(foot).translation.copy()
     for offset in way:
         for _ in range(ITERATIONS):
-            jacobian = pin.computeFrameJacobian(model, data, q, frame, pin.LOCAL_WORLD_ALIGNED)[
-                :3, joints
-            ]
-            step = np.zeros(model.nv)
-            missing = start + offset - data.oMf[frame].translation
+            jacobian = posed.jacobian(foot)[:3, joints]
+            step = np.zeros(robot.nv)
+            missing = start + offset - posed.frame(foot).translation
             step[joints] = jacobian.T @ np.linalg.solve(
                 jacobian @ jacobian.T + SMALL * np.eye(3), missing
             )
-            q = pin.integrate(model, q, step)
-            pin.framesForwardKinematics(model, data, q)
+            q = robot.integrate(q, step)
+            posed = Posed(robot, q)
         path.append(q)
     return path
 

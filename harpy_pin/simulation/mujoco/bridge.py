@@ -17,7 +17,9 @@ from harpy_pin.estimation.readings import Readings
 from harpy_pin.kernels import kernel
 from harpy_pin.model.dynamics import DynamicsRecord, dynamics_record
 from harpy_pin.model.entry import as_command
-from harpy_pin.model.mjcf import driven_joints, plain_name, refuse_loops, sphere_radius
+from harpy_pin.model.loops import residual_of
+from harpy_pin.model.mjcf import plain_name, sphere_radius
+from harpy_pin.model.mjcf_loops import driven_joints, joint_name, read_ties, refuse_loops
 from harpy_pin.model.mjcf_options import enabled_actuators
 from harpy_pin.model.record import RecordOf, make_record
 from harpy_pin.model.robot import Robot
@@ -42,6 +44,8 @@ DEPTH = 0.02
 """How deep a foot may be in soft ground, m: contacts so far from its point are its, however small
 its shape.
 """
+MAX_OPEN = 1e-3
+"""Residual of the model's loops where the robot's are closed, m or rad."""
 HIGH = 100.0
 """Height above that of a configuration at which a robot's contacts with itself are looked for,
 m.
@@ -103,8 +107,8 @@ class MujocoBridge(Conventions):
         self._mujoco = import_mujoco()
         super().__init__(model, robot, prefix=prefix)
         self._check_joints()
-        refuse_loops(self._at_zero.model, self._at_zero.bodies)
-        nq, nv, self.foot_radius = robot.model.nq, robot.model.nv, np.zeros(len(robot.feet))
+        self._check_loops()
+        nq, nv, self.foot_radius = robot.nq, robot.nv, np.zeros(len(robot.feet))
         self._record = make_record(
             BridgeRecord,
             robot.sizes,
@@ -129,7 +133,7 @@ class MujocoBridge(Conventions):
         with a delay or whose range of control cuts torques off, contacts with a margin, trees that
         sleep, and solvers that are wrong.
         """
-        here = AtZero(self._mujoco, self.model, self.robot, self.joints, self.free)
+        here = AtZero(self._mujoco, self.model, self.robot, self._tree, self.free)
         return differences(here, self._record["link"][0], self._actuators)
 
     def self_contacts(self, q: ArrayLike) -> dict[tuple[str, str], float]:
@@ -309,13 +313,34 @@ class MujocoBridge(Conventions):
         of_tree = np.flatnonzero(np.isin(self.model.jnt_bodyid, self._at_zero.bodies))
         more = [
             self.model.joint(number).name
-            for number in np.setdiff1d(of_tree, [self.free, *self.joints])
+            for number in np.setdiff1d(of_tree, [self.free, *self._tree])
         ]
         if more:
             raise InputError(
                 f"the MuJoCo model has joints that the robot has not: {', '.join(more)}",
                 name="model",
             )
+
+    def _check_loops(self) -> None:
+        """The loops of the model are the robot's: closed where the robot's are, and as many."""
+        here, robot = self._at_zero, self.robot
+        refuse_loops(here.model, here.bodies)
+        ties = read_ties(here.model, here.built, here.held)
+        own, rows, left = robot.loops, 0, 0.0
+        if own is not None:
+            rows = len(residual_of(robot.model, own.ties, robot.closed(robot.reference))[0])
+        if ties and own is not None:
+            order = [
+                here.built.getJointId(joint_name(here.model, n)) - ROOT - 1 for n in self._tree
+            ]
+            q, spread = pin.neutral(here.built), np.zeros((here.built.nv, robot.nv))
+            q[7:][order] = own.angles
+            spread[6:][order] = robot.velocity_map(robot.reference)[6:]
+            residual, slope = residual_of(here.built, ties, q)
+            rows -= len(residual)
+            left = max(np.abs(residual).max(), np.abs(slope @ spread).max())
+        if rows != 0 or left > MAX_OPEN or bool(ties) != (own is not None):
+            raise InputError("the MuJoCo model has other closed loops than the robot", name="model")
 
     def _find_actuators(self) -> dict[str, NDArray[Any]]:
         """Each joint's actuator, its place in the controls, and gears, gains and biases of all."""

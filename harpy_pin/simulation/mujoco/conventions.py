@@ -27,13 +27,13 @@ from harpy_pin.errors import InputError, shown
 from harpy_pin.kernels import kernel
 from harpy_pin.model.memory import fixed_arrays
 from harpy_pin.model.mjcf import find_joints, free_joint
-from harpy_pin.model.mjcf import import_mujoco as import_mujoco
+from harpy_pin.model.mjcf_loops import import_mujoco as import_mujoco
 from harpy_pin.model.record import RecordOf, Records, make_record
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import State, Vector
 from harpy_pin.model.terms import joint_angles, set_joint_angles
 from harpy_pin.model.vectors import rotation_matrix
-from harpy_pin.simulation.mujoco.differences import ROOT, AtZero
+from harpy_pin.simulation.mujoco.differences import ROOT, AtZero, tree_joints
 
 OF_BODIES = ("body_parentid", "jnt_type", "jnt_bodyid", "geom_bodyid", "site_bodyid", "sensor_adr")
 OF_ACTUATORS = (
@@ -110,21 +110,22 @@ class Conventions:
         self.free = free_joint(model, self.joints)
         mujoco = import_mujoco()
         self._data_kind, self._seen, self._arrays = mujoco.MjData, model, _arrays_of(model)
-        self._at_zero = AtZero(mujoco, model, robot, self.joints, self.free)
+        self._tree = find_joints(model, [prefix + name for name in tree_joints(robot)])
+        self._at_zero = AtZero(mujoco, model, robot, self._tree, self.free)
         self._at_zero.check_joints()
-        ours = list(robot.model.joints)[ROOT + 1 :]
+        place, unbounded = robot.layout
         self.velocity = model.jnt_dofadr[self.joints].astype(np.int64)
         self.record = make_record(
             ConventionsRecord,
             base_position=np.int64(model.jnt_qposadr[self.free]),
             base_velocity=np.int64(model.jnt_dofadr[self.free]),
-            place=np.array([joint.idx_q for joint in ours], dtype=np.int64),
-            column=np.array([joint.idx_v for joint in ours], dtype=np.int64),
-            unbounded=np.array([joint.nq > 1 for joint in ours], dtype=np.int64),
+            place=place,
+            column=np.arange(6, robot.nv),
+            unbounded=unbounded,
             position=model.jnt_qposadr[self.joints].astype(np.int64),
             velocity=self.velocity,
-            q=np.zeros(robot.model.nq),
-            v=np.zeros(robot.model.nv),
+            q=np.zeros(robot.nq),
+            v=np.zeros(robot.nv),
             qpos=np.zeros(model.nq),
             qvel=np.zeros(model.nv),
         )
@@ -145,12 +146,29 @@ class Conventions:
         """
         self._check_data(data)
         q, v = state if isinstance(state, tuple) else (state.q, state.v)
-        q, v = (
-            checks.vector("q", q, self._robot.model.nq),
-            checks.vector("v", v, self._robot.model.nv),
-        )
-        to_mujoco(self._record_, q, v, data.qpos, data.qvel)
+        q, v = (checks.vector("q", q, self._robot.nq), checks.vector("v", v, self._robot.nv))
+        self.assemble(q, v, data.qpos, data.qvel)
         data.time = data.time if isinstance(state, tuple) else state.t
+
+    def assemble(self, q: Vector, v: Vector, qpos: Vector, qvel: Vector) -> None:
+        """Write a state into MuJoCo's arrays, passive joints, too.
+
+        Args:
+            q: (nq,) configuration.
+            v: (nv,) generalised velocity.
+            qpos: of MuJoCo's data, written in place.
+            qvel: the same.
+
+        Raises:
+            InputError: the loops of the robot cannot be closed there.
+        """
+        to_mujoco(self._record_, q, v, qpos, qvel)
+        if self._robot.loops is not None:
+            numbers = self._tree[np.array(self._robot.loops.passive) - ROOT - 1]
+            moved = [self._robot.model.joints[j] for j in self._robot.loops.passive]
+            tree, speed = self._robot.closed(q), self._robot.velocity_map(q) @ v
+            qpos[self._model.jnt_qposadr[numbers]] = tree[[joint.idx_q for joint in moved]]
+            qvel[self._model.jnt_dofadr[numbers]] = speed[[joint.idx_v for joint in moved]]
 
     def __reduce__(self) -> tuple[Any, ...]:
         return partial(type(self), prefix=self.prefix), (self.model, self.robot)

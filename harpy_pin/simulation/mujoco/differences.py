@@ -10,7 +10,8 @@ import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
 from harpy_pin.errors import InputError
-from harpy_pin.model.mjcf import build_tree, joint_name, left_out, named, placement
+from harpy_pin.model.mjcf import build_tree, left_out, named, placement
+from harpy_pin.model.mjcf_loops import joint_name
 from harpy_pin.model.mjcf_options import disabled, in_effect
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
@@ -56,6 +57,7 @@ class AtZero:
             is no part of it.
         theirs: numbers of the model's links and joints, in the robot's order.
         ours: of the robot's.
+        names: of its joints, passive ones, too.
         foot: (feet, 3) places of the feet, m.
     """
 
@@ -63,9 +65,8 @@ class AtZero:
         self, mujoco: Any, model: Any, robot: Robot, joints: NDArray[np.int64], free: int
     ) -> None:
         self.mujoco, self.robot, self.joints, self.model = mujoco, robot, joints, in_effect(model)
-        for joint, name, kind in zip(
-            joints, robot.joints, tree_record(robot.model)["kind"][0, 1:], strict=True
-        ):
+        self.names, kinds = tree_joints(robot), tree_record(robot.model)["kind"][0, 1:]
+        for joint, name, kind in zip(joints, self.names, kinds, strict=True):
             if model.jnt_type[joint] != (SLIDE if kind == SLIDING else HINGE):
                 desired = "slide" if kind == SLIDING else "turn about one axis"
                 raise InputError(
@@ -73,7 +74,7 @@ class AtZero:
                     name="model",
                 )
         self.bodies = np.flatnonzero(model.body_rootid == model.jnt_bodyid[free])
-        built, held = build_tree(self.model, self.bodies, joints)
+        self.built, self.held = built, held = build_tree(self.model, self.bodies, joints)
         names, data = [joint_name(model, joint) for joint in joints], built.createData()
         self.theirs = _numbers(built, data, names)
         numbers = {
@@ -87,7 +88,7 @@ class AtZero:
         for body in self._places:
             self.link[body] = numbers[held[body][0]]
         own = robot.model.createData()
-        self.ours = _numbers(robot.model, own, robot.joints)
+        self.ours = _numbers(robot.model, own, self.names)
         pin.updateFramePlacements(robot.model, own)
         places = [own.oMf[robot.frame_id(name)].translation for name in robot.feet]
         self.foot: Vector = np.reshape(places, (-1, 3))
@@ -112,12 +113,7 @@ class AtZero:
         ):
             joints = slice(-len(self.joints), None)  # without the base
             if line := _compared(
-                what,
-                "",
-                self.robot.joints,
-                self.theirs[name][joints],
-                self.ours[name][joints],
-                most,
+                what, "", self.names, self.theirs[name][joints], self.ours[name][joints], most
             ):
                 raise InputError(
                     f"the MuJoCo model has other joints than the robot: {line}", name="model"
@@ -182,8 +178,8 @@ def differences(here: AtZero, link: NDArray[np.int64], actuators: NDArray[np.int
         actuators: (joints,) those that drive the joints; none without any.
     """
     robot, theirs, ours = here.robot, here.theirs, here.ours
-    compared = {what: ("the base", *robot.joints) for what in LINKS} | dict.fromkeys(
-        JOINTS, robot.joints
+    compared = {what: ("the base", *here.names) for what in LINKS} | dict.fromkeys(
+        JOINTS, here.names
     )
     lines = {
         what: _compared(what, unit, compared[what], theirs[what], ours[what], most)
@@ -193,10 +189,12 @@ def differences(here: AtZero, link: NDArray[np.int64], actuators: NDArray[np.int
     if any(lines[what] for what in KNOWN):
         said.append("robot.with_mujoco(model) takes what the joints have in the model")
     if len(actuators):
-        desired = np.fmin(theirs["largest torque"], robot.torque_limit)
-        reached = np.fmin(desired, _reached(here, actuators))
+        driven = np.array(robot.driven) - ROOT - 1
+        desired = np.fmin(theirs["largest torque"][driven], robot.torque_limit)
+        reached = np.fmin(desired, _reached(here, actuators, driven))
         what = "torque that ranges of control and force leave at the ends"
         said.append(_compared(what, " N·m", robot.joints, reached, desired))
+    followers = [name for name in here.names if name not in robot.joints]
     gravity = here.model.opt.gravity, robot.model.gravity.linear
     said.append(_compared("gravity", " m/s²", ("the world",), *gravity))
     margins = named(
@@ -204,20 +202,27 @@ def differences(here: AtZero, link: NDArray[np.int64], actuators: NDArray[np.int
     )
     said += [
         f"the model has {what}"
-        for what in (*left_out(here.model, here.bodies, here.joints), margins)
+        for what in (*left_out(here.model, here.bodies, here.joints, followers), margins)
         if what
     ]
     return "\n".join(line for line in (*said, *_settings(here)) if line)
 
 
-def _reached(here: AtZero, actuators: NDArray[np.int64]) -> Vector:
+def tree_joints(robot: Robot) -> tuple[str, ...]:
+    """Names of all joints of a robot, passive ones, too."""
+    return tuple(robot.model.names)[ROOT + 1 :]
+
+
+def _reached(here: AtZero, actuators: NDArray[np.int64], driven: NDArray[np.int64]) -> Vector:
     """(joints,) torque in both directions that the actuators reach at rest at both ends of the
     joints, N·m.
 
     What cuts it off are the ranges of control, of the actuator's force and of the joint's.
     """
-    model, joints = here.model, here.joints
-    ends = np.array([here.theirs["lower end of joint"], here.theirs["upper end of joint"]])
+    model, joints = here.model, here.joints[driven]
+    ends = np.array([here.theirs["lower end of joint"], here.theirs["upper end of joint"]])[
+        :, driven
+    ]
     control, output = model.actuator_ctrladr[actuators], model.actuator_outadr[actuators]
     ratio, gain = model.actuator_gear[output, 0], model.actuator_gainprm[actuators, 0]
     bias = np.where(

@@ -5,6 +5,7 @@ model.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -14,13 +15,17 @@ from harpy_pin import checks
 from harpy_pin.arguments import checked
 from harpy_pin.errors import InputError, RobotError
 from harpy_pin.model.entry import as_array
+from harpy_pin.model.loops import Coupling
 from harpy_pin.model.memory import KeepsViews
+from harpy_pin.model.posed import Posed
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
 from harpy_pin.model.tree import SLIDING, UNBOUNDED, tree_record
-from harpy_pin.simulation.mujoco.conventions import Conventions, import_mujoco, to_mujoco
+from harpy_pin.simulation.mujoco.conventions import Conventions, import_mujoco
 
 NO_MOMENT = np.zeros(3)
+TIED, RIGID = (2e-3, 1.0), (0.9999, 0.9999, 1e-3, 0.5, 2.0)
+"""``solref`` and ``solimp`` of closed loops: s and damping ratio; constant impedance."""
 MIN_MASS, MIN_INERTIA = 1e-12, 1e-12
 """Least mass and inertia of a body that moves, kg and kg·m²: MuJoCo takes no smaller ones, whatever
 the joint's armature.
@@ -75,7 +80,7 @@ class MujocoModel(KeepsViews):
         own_planes: bool = False,
     ) -> None:
         mujoco, self._robot = import_mujoco(), robot
-        tree = tree_record(robot.model)
+        tree = tree_record(robot.model, robot.loops)
         planes = [f"ground:{foot}" for foot in robot.feet] if own_planes else ["ground"]
         spec = _describe(
             mujoco, robot, tree, friction=friction, foot_radius=foot_radius, planes=planes
@@ -92,11 +97,11 @@ class MujocoModel(KeepsViews):
             raise RobotError(f"MuJoCo refuses '{robot.name}': {reason}", path=robot.urdf) from error
         self.conventions = Conventions(self.model, robot)
         self.joint_places = self.conventions.velocity.tolist()
-        self.model.dof_damping[self.joint_places] = robot.model.damping[6:]
+        self.model.dof_damping[self.joint_places] = robot.damping
         self.data: Any = mujoco.MjData(self.model)
         self.feet = [int(self.model.geom(f"foot:{foot}").id) for foot in robot.feet]
         self.planes = [int(self.model.geom(name).id) for name in planes if own_planes]
-        self._sizes = (robot.model.nq, robot.model.nv)
+        self._sizes = (robot.nq, robot.nv)
         self._base = int(
             self.model.jnt_bodyid[self.model.joint(f"joint:{robot.model.names[1]}").id]
         )
@@ -126,7 +131,7 @@ class MujocoModel(KeepsViews):
         """
         self.mujoco.mj_resetData(self.model, self.data)
         q, v = as_array("q", q, self._sizes[:1]), as_array("v", v, self._sizes[1:])
-        to_mujoco(self.conventions._record_, q, v, self.qpos, self.qvel)
+        self.conventions.assemble(q, v, self.qpos, self.qvel)
         self.mujoco.mj_fwdPosition(self.model, self.data)
 
     def apply(self, torque: Vector, thrust: Vector, push: Vector | None = None) -> None:
@@ -199,8 +204,9 @@ def _describe(
                 else mujoco.mjtJoint.mjJNT_HINGE
             )
             joint = body.add_joint(name=f"joint:{name}", type=kind, axis=t["axis"][i])
-            joint.armature = float(model.armature[t["column"][i]])
-            ends = model.lowerPositionLimit[t["place"][i]], model.upperPositionLimit[t["place"][i]]
+            joint.armature = float(t["armature"][t["column"][i]])
+            own = model.joints[i + 1].idx_q
+            ends = model.lowerPositionLimit[own], model.upperPositionLimit[own]
             if t["kind"][i] != UNBOUNDED and np.isfinite(ends).all() and ends[0] < ends[1]:
                 joint.limited, joint.range = 1, ends
         else:
@@ -225,7 +231,36 @@ def _describe(
         bodies[frame.parentJoint - 1].add_site(
             name=f"thruster:{thruster}", pos=frame.placement.translation
         )
+    _tie(mujoco, spec, robot, bodies)
     return spec
+
+
+def _tie(mujoco: Any, spec: Any, robot: Robot, bodies: Sequence[Any]) -> None:
+    """The robot's loops and couplings as equality constraints, as stiff as steps allow."""
+    kinds, model = mujoco.mjtEq, robot.model
+    for number, tie in enumerate(robot.loops.ties if robot.loops is not None else ()):
+        equality = spec.add_equality(name=f"loop:{number}", solref=TIED, solimp=RIGID)
+        if isinstance(tie, Coupling):
+            equality.type, equality.objtype = kinds.mjEQ_JOINT, mujoco.mjtObj.mjOBJ_JOINT
+            equality.name1, equality.name2 = f"joint:{tie.joint}", f"joint:{tie.leader}"
+            equality.data[:5] = tie.offset, tie.ratio, 0.0, 0.0, 0.0
+            continue
+        names = [f"loop:{number}:{end}" for end in ("a", "b")]
+        for name, frame in zip(names, (tie.first, tie.second), strict=True):
+            at = model.frames[robot.frame_id(frame)]
+            bodies[at.parentJoint - 1].add_site(name=name, pos=at.placement.translation)
+        if tie.kind == "length":
+            tendon = spec.add_tendon(name=f"loop:{number}")
+            for name in names:
+                tendon.wrap_site(name)
+            equality.type, equality.objtype = kinds.mjEQ_TENDON, mujoco.mjtObj.mjOBJ_TENDON
+            equality.name1 = f"loop:{number}"
+            at_zero = Posed(replace(robot, loops=None), np.array(pin.neutral(model)))
+            ends = [at_zero.frame(name).translation for name in (tie.first, tie.second)]
+            equality.data[0] = tie.length - np.linalg.norm(ends[0] - ends[1])
+        else:
+            equality.type, equality.objtype = kinds.mjEQ_CONNECT, mujoco.mjtObj.mjOBJ_SITE
+            equality.name1, equality.name2 = names
 
 
 def _body_inertia(inertia: Vector) -> list[float]:

@@ -251,11 +251,7 @@ def _require_match(run: Run, robot: Robot) -> None:
     if missing:
         raise InputError(f"the run lacks the signals {', '.join(missing)}", name="run")
     feet = dict.fromkeys(("foot_position", "foot_velocity", "foot_force"), (len(robot.feet), 3))
-    for name, shape in {
-        "q": (robot.model.nq,),
-        **feet,
-        "thrust": (len(robot.thrusters), 3),
-    }.items():
+    for name, shape in {"q": (robot.nq,), **feet, "thrust": (len(robot.thrusters), 3)}.items():
         if run[name].shape[1:] != shape:
             found = f"{name} has rows of shape {run[name].shape[1:]}, the robot needs {shape}"
             raise InputError(
@@ -357,7 +353,7 @@ def _placements(robot: Robot, q: Vector) -> tuple[Vector, Vector]:
     joints = np.empty((len(q), model.njoints, 4, 4))
     mount = np.empty((len(q), len(ids), 3))
     for row, configuration in enumerate(q):
-        pin.framesForwardKinematics(model, data, configuration)
+        pin.framesForwardKinematics(model, data, robot.closed(configuration))
         joints[row] = [placement.homogeneous for placement in data.oMi]
         mount[row] = np.reshape([data.oMf[frame].translation for frame in ids], (-1, 3))
     return joints, mount

@@ -20,7 +20,8 @@ import pinocchio as pin
 
 from harpy_pin.errors import RobotError
 from harpy_pin.model.kinematics import LegGeometry
-from harpy_pin.model.mjcf import body_name, compile_mjcf, import_mujoco
+from harpy_pin.model.mjcf import compile_mjcf
+from harpy_pin.model.mjcf_loops import body_name, import_mujoco
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
 from harpy_pin.model.urdf import read_xml

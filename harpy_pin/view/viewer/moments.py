@@ -24,7 +24,7 @@ def moment_type(robot: Robot) -> np.dtype[np.void]:
     feet, thrusters = (len(robot.feet), 3), (len(robot.thrusters), 3)
     shapes = {
         "t": (),
-        "q": (robot.model.nq,),
+        "q": (robot.nq,),
         "foot_position": feet,
         "foot_velocity": feet,
         "foot_force": feet,

@@ -238,7 +238,7 @@ class Viewer(AbstractContextManager["Viewer"]):
 
     def _set_configuration(self, q: ArrayLike) -> None:
         """Take up a configuration, at rest in the air."""
-        given = checks.vector("q", q, self.robot.model.nq)
+        given = checks.vector("q", q, self.robot.nq)
         self._numbers[:] = 0.0
         self._views["q"][:] = given
         for name in ("x_r", "x_w"):
@@ -304,8 +304,8 @@ def _standing(robot: Robot) -> Vector:
     with suppress(HarpyError):
         return Standing(robot).initial_state()[0]
     model, data = robot.model, robot.model.createData()
-    q = pin.neutral(model)
-    pin.forwardKinematics(model, data, q)
+    q = robot.reference
+    pin.forwardKinematics(model, data, robot.closed(q))
     q[2] -= min(data.oMi[joint].translation[2] for joint in range(1, model.njoints))
     return np.asarray(q)
 

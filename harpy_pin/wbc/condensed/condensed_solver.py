@@ -59,8 +59,8 @@ def condensed_record(
     There is room for ``tasks`` of one's own. For ``hold_ticks`` ticks in a row :func:`hold_last`
     gives the last inputs in the place of clipped ones.
     """
-    values, model = problem_values(robot, weights, limits), robot.model
-    own = task_records(robot, tasks, width=tree_paths(model)[1].shape[1])
+    values = problem_values(robot, weights, limits)
+    own = task_records(robot, tasks, width=tree_paths(robot)[1].shape[1])
     limbs = determined_limbs(robot, (*own.filling, *own.others))
     system, first_row = elimination_record(
         robot, limbs, task_bodies=own.filling, relative=own.relative
@@ -84,7 +84,7 @@ def condensed_record(
         frames=own.frames,
         joints=own.joints,
         momentum=own.momentum,
-        configuration=np.zeros(model.nq),
+        configuration=np.zeros(robot.nq),
         hold_ticks=np.int64(hold_ticks),
         clipped=np.array(
             [0, hold_ticks], dtype=np.int64
@@ -172,6 +172,6 @@ class CondensedSolver(KeepsViews):
             InputError: terms or targets of another robot, or an array of another shape.
         """
         check_terms(self.robot, dynamics, targets)
-        v = as_array("v", v, (self.robot.model.nv,))
+        v = as_array("v", v, (self.robot.nv,))
         solve_condensed(dynamics._record_, targets._record_, self._record_, v)
         return self._inputs_

@@ -125,7 +125,7 @@ def _eliminate(d: DynamicsRecord, t: TargetsRecord, p: CondensedRecord, v: Vecto
     soften_limbs(t, p, p.limbs, p.swing_share)
     eliminate_limbs(d, t, p.limbs, e)
     add_feet(d, t, p, e, p.others, p.swing_share)
-    add_joints(d.tree, e, p.joints, p.configuration, v)
+    add_joints(e, p.joints, p.configuration, v)
     for k in range(p.frames.body.shape[0]):
         add_frame(d, e, p.frames, k, p.configuration)
     if n.momentum_weight.shape[0] > MOMENTA:

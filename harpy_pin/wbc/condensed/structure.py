@@ -9,6 +9,7 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from harpy_pin.errors import InputError
+from harpy_pin.model.loops import driven_supports
 from harpy_pin.model.record import Records, make_record
 from harpy_pin.model.robot import Robot
 from harpy_pin.wbc.condensed.elimination import ROOT, EliminationRecord
@@ -47,16 +48,16 @@ def determined_limbs(robot: Robot, task_bodies: Sequence[int] = ()) -> dict[int,
         robot: any.
         task_bodies: that tasks are on.
     """
-    model, bodies = robot.model, foot_bodies(robot)
-    moved = np.zeros(model.njoints, dtype=np.int64)
+    bodies, above = foot_bodies(robot), driven_supports(robot.model, robot.loops)
+    moved = np.zeros(robot.model.njoints, dtype=np.int64)
     for body in (*bodies, *task_bodies):
-        moved[[*model.supports[int(body) + 1]]] += 1
+        moved[[*above[int(body) + 1]]] += 1
     limbs: dict[int, list[int]] = {}
     for foot, (body, points) in enumerate(zip(bodies, robot.corners, strict=True)):
-        chain = [joint for joint in model.supports[int(body) + 1] if joint > 1]
+        chain = list(above[int(body) + 1])
         alike = all(robot.corners[other] == points for other in limbs)
         if len(chain) == _JOINTS.get(points, 6) and all(moved[chain] == 1) and alike:
-            limbs[foot] = [model.joints[joint].idx_v for joint in chain]
+            limbs[foot] = [ROOT + robot.driven.index(joint) for joint in chain]
     return limbs
 
 
@@ -117,20 +118,26 @@ def feet_record(
     )
 
 
-def tree_paths(model: pin.Model) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def tree_paths(robot: Robot) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Depth (nv,) of each degree of freedom, and (nv, largest depth + 1) those from the root to
     it.
     """
-    paths: list[list[int]] = []
-    for joint in model.joints[1:]:
-        above = model.joints[model.parents[joint.id]]
-        for column in range(joint.idx_v, joint.idx_v + joint.nv):
-            before = column - 1 if column > joint.idx_v else above.idx_v + above.nv - 1
-            paths.append([*(paths[before] if column > 0 else []), column])
+    above, driven, root = driven_supports(robot.model, robot.loops), robot.driven, list(range(ROOT))
+    paths = [root[: column + 1] for column in root]
+    for joint in driven:
+        chain = next(chain for chain in above if joint in chain)
+        paths.append([*root, *(ROOT + driven.index(j) for j in chain if j <= joint)])
     path = np.zeros((len(paths), max(map(len, paths))), dtype=np.int64)
     for column, entries in enumerate(paths):
         path[column, : len(entries)] = entries
     return np.array([len(entries) - 1 for entries in paths], dtype=np.int64), path
+
+
+def last_columns(robot: Robot) -> NDArray[np.int64]:
+    """(bodies,) last degree of freedom that moves each body."""
+    above = driven_supports(robot.model, robot.loops)[1:]
+    last = [ROOT + robot.driven.index(chain[-1]) if chain else ROOT - 1 for chain in above]
+    return np.array(last, dtype=np.int64)
 
 
 def elimination_record(
@@ -144,11 +151,12 @@ def elimination_record(
         task_bodies: that tasks of frames are on.
         relative: rows of relative tasks.
     """
-    depth, path = tree_paths(robot.model)
+    depth, path = tree_paths(robot)
     before = {column for columns in limbs.values() for column in columns}
     order = np.array([k for k in range(ROOT, len(depth)) if k not in before], dtype=np.int64)
     feet = [foot for foot in range(len(robot.corners)) if foot not in limbs]
-    ends = foot_bodies(robot)[feet] + ROOT - 1
+    last = last_columns(robot)
+    ends = last[foot_bodies(robot)[feet]]
     starts = path[ends, ROOT] if feet else ends  # first joint of the branch of each foot
     branches = [int(k) for k in np.unique(starts)]
     first, first_row = np.zeros(len(feet), dtype=np.int64), [0]
@@ -160,7 +168,7 @@ def elimination_record(
         first_row.append(len(row_end))
     filled = np.zeros(len(depth), dtype=np.int64)
     for body in task_bodies:
-        end = max(body + ROOT - 1, ROOT - 1)
+        end = last[body]
         filled[path[end, : depth[end] + 1]] = 1
     on = [
         branches.index(path[k, ROOT]) if depth[k] >= ROOT and path[k, ROOT] in branches else -1
@@ -185,20 +193,17 @@ def limits_record(
     robot: Robot, limits: WholeBodyLimits, *, period: float = 0.0, deceleration: float = 100.0
 ) -> Records[LimitsRecord]:
     """A new :class:`LimitsRecord`; velocities and positions are not limited without a period."""
-    model, torque = robot.model, limits.torque_scale * robot.torque_limit
-    joints = [model.joints[model.getJointId(name)] for name in robot.joints]
-    ends = np.full((len(joints), 2), (-np.inf, np.inf))
-    for joint, end in zip(joints, ends, strict=True):
-        if joint.nq == 1:
-            end[:] = model.lowerPositionLimit[joint.idx_q], model.upperPositionLimit[joint.idx_q]
+    torque, (place, unbounded) = limits.torque_scale * robot.torque_limit, robot.layout
+    ends = np.column_stack((robot.joint_lower[place - 7], robot.joint_upper[place - 7]))
+    ends[unbounded != 0] = -np.inf, np.inf
     return make_record(
         LimitsRecord,
         robot.sizes,
         torque_range=np.column_stack((-torque, torque)),
-        acceleration_range=np.full((len(joints), 2), (-np.inf, np.inf)),
-        place=np.array([joint.idx_q for joint in joints], dtype=np.int64),
+        acceleration_range=np.full(ends.shape, (-np.inf, np.inf)),
+        place=place,
         position_range=ends,
-        velocity_limit=model.velocityLimit[ROOT:],
+        velocity_limit=robot.velocity_limit,
         period=period,
         deceleration=deceleration,
     )

@@ -74,10 +74,11 @@ def task_records(robot: Robot, tasks: Sequence[AnyTask], *, width: int) -> TaskR
     model = robot.model
     framed = [task for task in tasks if isinstance(task, FrameTask)]
     frames = [model.frames[robot.frame_id(task.frame)] for task in framed]
-    joints = [joint for task in tasks if isinstance(task, JointTask) for joint in task.joints]
-    for joint in joints:
-        checks.one_of("joint", joint, robot.joints)
-    columns = [ROOT + robot.joints.index(joint) for joint in joints]
+    names = [joint for task in tasks if isinstance(task, JointTask) for joint in task.joints]
+    for name in names:
+        checks.one_of("joint", name, robot.joints)
+    joints, (place, unbounded) = [robot.joints.index(name) for name in names], robot.layout
+    columns = [ROOT + joint for joint in joints]
     bodies = [frame.parentJoint - 1 for frame in frames]
     on_root = [None if task.root is None else robot.frame_id(task.root) for task in framed]
     roots = [pin.Frame() if at is None else model.frames[at] for at in on_root]
@@ -89,7 +90,7 @@ def task_records(robot: Robot, tasks: Sequence[AnyTask], *, width: int) -> TaskR
         for row in range(6)[task._rows]
     ]
     pairs = np.array(relative, dtype=np.int64).reshape(-1, 2).T.copy()
-    sizes = {"frames": len(frames), "joint_rows": len(joints), "width": width, "nv": model.nv}
+    sizes = {"frames": len(frames), "joint_rows": len(joints), "width": width, "nv": robot.nv}
     return TaskRecords(
         make_record(
             FrameTasksRecord,
@@ -105,11 +106,17 @@ def task_records(robot: Robot, tasks: Sequence[AnyTask], *, width: int) -> TaskR
             relative_row=pairs[1],
             rotation=np.tile(np.eye(3), (len(frames), 1, 1)),
         ),
-        make_record(JointTasksRecord, sizes, column=np.array(columns, dtype=np.int64)),
+        make_record(
+            JointTasksRecord,
+            sizes,
+            column=np.array(columns, dtype=np.int64),
+            place=place[joints],
+            unbounded=unbounded[joints],
+        ),
         make_record(MomentumTasksRecord, sizes),
         [body for body, at in zip(bodies, on_root, strict=True) if at is None],
         [
-            *(column - ROOT + 1 for column in columns),
+            *(robot.driven[joint] - 1 for joint in joints),
             *(body for n, _ in relative for body in (bodies[n], root_bodies[n])),
         ],
         len(relative),

@@ -24,7 +24,8 @@ from harpy_pin.kernels import diagonal, kernel
 from harpy_pin.model.dynamics import DynamicsRecord
 from harpy_pin.model.record import RecordOf, sized
 from harpy_pin.model.state import Vector
-from harpy_pin.model.tree import UNBOUNDED, TreeRecord
+from harpy_pin.model.terms import unit_motion
+from harpy_pin.model.tree import TreeRecord
 from harpy_pin.model.vectors import log, skew
 from harpy_pin.wbc.condensed.elimination import (
     ROOT,
@@ -71,6 +72,8 @@ class JointTasksRecord(RecordOf):
     """Tasks of joints, one row for each."""
 
     column: NDArray[np.int64]  # (joint_rows,) of each joint in v
+    place: NDArray[np.int64]  # (joint_rows,) of its angle in q
+    unbounded: NDArray[np.int64]  # (joint_rows,) 1 where a cosine and a sine are there
     weight: Vector = sized("joint_rows")
     position: Vector = sized("joint_rows")  # rad
     velocity: Vector = sized("joint_rows")
@@ -116,7 +119,7 @@ def frame_terms(
     """Jacobian, velocity and drift of a frame at p of body i, base axes, in ``axes`` (3, 3) given
     there.
     """
-    end, twist, drift = _end(t, i), t.twist[i], t.drift[i]
+    end, twist, drift = t.end[i], t.twist[i], t.drift[i]
     velocity = twist[:3] + np.cross(twist[3:], p)
     f.velocity_now[:3], f.velocity_now[3:] = axes.T @ velocity, axes.T @ twist[3:]
     lifted = drift[:3] + t.rotation.T @ t.gravity
@@ -125,7 +128,7 @@ def frame_terms(
     f.jacobian[:3, :3], f.jacobian[:3, 3:6] = axes.T, axes.T @ skew(p).T
     f.jacobian[3:, :3], f.jacobian[3:, 3:6] = 0.0, axes.T
     for n in range(ROOT, e.depth[end] + 1):
-        s = t.screw[e.path[end, n] - ROOT + 1]
+        s = unit_motion(t, i, e.path[end, n])
         f.jacobian[:3, n] = axes.T @ (s[:3] + np.cross(s[3:], p))
         f.jacobian[3:, n] = axes.T @ s[3:]
 
@@ -172,7 +175,7 @@ def add_frame(
         frame_rows(d, e, f, n, q)
         for r in range(6):
             if f.weight[n, r] != 0.0:
-                add_row(e, f.jacobian[r], _end(d.tree, f.body[n]), f.weight[n, r], f.wanted[r])
+                add_row(e, f.jacobian[r], d.tree.end[f.body[n]], f.weight[n, r], f.wanted[r])
 
 
 @kernel
@@ -185,7 +188,7 @@ def add_relative(
         i, r, at = f.relative_task[k], f.relative_row[k], ROOT + k
         if k == 0 or f.relative_task[k - 1] != i:
             frame_rows(d, e, f, i, q)
-        end, other = _end(t, f.body[i]), _end(t, f.root[i])
+        end, other = t.end[f.body[i]], t.end[f.root[i]]
         f.row[:] = 0.0
         for j in range(e.depth[end] + 1):
             f.row[e.path[end, j]] += f.jacobian[r, j]
@@ -198,12 +201,6 @@ def add_relative(
 
 
 @kernel
-def _end(t: TreeRecord, i: int) -> int:
-    """The last degree of freedom that moves body i."""
-    return ROOT - 1 if i == 0 else t.column[i]
-
-
-@kernel
 def add_row(e: EliminationRecord, row: Vector, end: int, weight: float, wanted: float) -> None:
     """A row, packed along the path to degree of freedom ``end``, with a weight: to H and g."""
     for n in range(e.depth[end] + 1):
@@ -213,15 +210,12 @@ def add_row(e: EliminationRecord, row: Vector, end: int, weight: float, wanted: 
 
 
 @kernel
-def add_joints(
-    t: TreeRecord, e: EliminationRecord, j: JointTasksRecord, q: Vector, v: Vector
-) -> None:
+def add_joints(e: EliminationRecord, j: JointTasksRecord, q: Vector, v: Vector) -> None:
     """All tasks of joints."""
     for n in range(j.column.shape[0]):
-        k = j.column[n]
-        place = t.place[k - ROOT + 1]
+        k, place = j.column[n], j.place[n]
         error = j.position[n] - q[place]
-        if t.kind[k - ROOT + 1] == UNBOUNDED:
+        if j.unbounded[n]:
             cosine, sine = np.cos(j.position[n]), np.sin(j.position[n])
             error = np.arctan2(
                 sine * q[place] - cosine * q[place + 1], cosine * q[place] + sine * q[place + 1]
@@ -260,7 +254,7 @@ def add_contact(
         return
     frame_terms(t, e, f, i, t.position[i] + t.axes[i] @ c.offset[k], t.rotation.T)
     f.wanted[:] = c.acceleration[k] - c.damping * f.velocity_now - f.drift
-    width = e.depth[t.column[i]] + 1
+    width = e.depth[t.end[i]] + 1
     for r in range(last - first):
         e.rows[first + r, SIDES : SIDES + width] = f.jacobian[r, :width]
         e.rows[first + r, TARGETS] = -f.wanted[r]

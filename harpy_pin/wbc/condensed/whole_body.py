@@ -197,8 +197,8 @@ class WholeBodySolver:
             found = WRONG_SHAPE
         if found == WRONG_SHAPE:
             q, v = (
-                as_array("q", state.q, (self.robot.model.nq,)),
-                as_array("v", state.v, (self.robot.model.nv,)),
+                as_array("q", state.q, (self.robot.nq,)),
+                as_array("v", state.v, (self.robot.nv,)),
             )
             found = solve_whole_body(self._record_, q, v)
         self.solution.status = STATUS[found]
@@ -217,7 +217,7 @@ def _record(
     model, points = robot.model, len(robot.feet)
     corners = [model.frames[robot.frame_id(name)] for name in robot.feet]
     firsts = np.cumsum((0, *robot.corners))
-    own = task_records(robot, tasks, width=tree_paths(model)[1].shape[1])
+    own = task_records(robot, tasks, width=tree_paths(robot)[1].shape[1])
     system, first_row = elimination_record(
         robot, {}, task_bodies=own.filling, relative=own.relative
     )

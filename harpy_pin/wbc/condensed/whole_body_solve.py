@@ -127,7 +127,7 @@ def assemble(r: WholeBodyRecord, q: Vector, v: Vector) -> None:
     begin_elimination(d, e, v)
     for k in range(v.shape[0]):
         begin_row(d, e, k, r.regularisation, 0.0)
-    add_joints(d.tree, e, r.joints, q, v)
+    add_joints(e, r.joints, q, v)
     for n in range(r.frames.body.shape[0]):
         add_frame(d, e, r.frames, n, q)
     for k in range(r.contacts.held.shape[0]):

@@ -254,6 +254,9 @@ class FrameTask(MotionTask):
             names = (self.frame,) if self.root is None else (self.frame, self.root)
             self._frames = [dynamics.robot.frame_id(name) for name in names]
             self._model, self._data = model, model.createData()
+        if dynamics.robot.loops is not None:
+            message = f"rows in Python of a task of a frame: '{dynamics.robot.name}' has loops"
+            raise InputError(f"{message}, which only the condensed controller's tasks know")
         data, world = self._data, pin.LOCAL_WORLD_ALIGNED
         pin.computeJointJacobians(model, data, state.q)
         pin.forwardKinematics(model, data, state.q, state.v, np.zeros(model.nv))

@@ -1,0 +1,206 @@
+"""Robots with closed loops in plants, under controllers, in C, estimated, and drawn."""
+
+from __future__ import annotations
+
+from functools import cache
+from pathlib import Path
+from tempfile import mkdtemp
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from looped_robots import ROBOTS
+from needs import needs_compiler
+from same_optimum import same_optimum
+
+import harpy_pin as hp
+from harpy_pin.errors import InputError
+from harpy_pin.export.exported_controllers import exportable_walk
+from harpy_pin.export.folder import write_folder
+from harpy_pin.export.recording import answers, record
+from harpy_pin.gaits.straight import GaitParameters, StraightGait
+from harpy_pin.model.catalogue import CATALOGUE, own_urdf
+from harpy_pin.model.kinematics import LegGeometry, leg_inverse_kinematics, leg_jacobian
+from harpy_pin.model.posed import Posed
+from harpy_pin.simulation.mujoco import MujocoPlant
+from harpy_pin.simulation.pinocchio_plant import PinocchioPlant
+from harpy_pin.view.scene.frames import _placements
+from harpy_pin.wbc import WholeBodyLimits, WholeBodyWeights
+
+NAMES = ("four_bar", "parallel_ankle", "harpy_built")
+
+
+@cache
+def looped(name):
+    return hp.load_robot(name) if name == "harpy_built" else ROBOTS[name](Path(mkdtemp()))
+
+
+def states(name, count):
+    robot, rng = looped(name), np.random.default_rng(2)
+    q, _ = hp.Standing(robot).initial_state()
+    for _ in range(count):
+        here = robot.integrate(q, 0.1 * rng.normal(size=robot.nv))
+        here[7:] = np.clip(here[7:], robot.joint_lower + 0.1, robot.joint_upper - 0.1)
+        yield here, rng.normal(size=robot.nv)
+
+
+@pytest.mark.parametrize("name", [*NAMES, "coupled"])
+def test_mujocos_accelerations_are_ours(name):
+    """With equality constraints as stiff as its steps allow, where the ties are at rest."""
+    mujoco, robot = pytest.importorskip("mujoco"), looped(name)
+    plant, dynamics = MujocoPlant(robot), hp.Dynamics(robot)
+    rng, places = np.random.default_rng(3), plant._inside.joint_places
+    for q, v in states(name, 100):
+        q[2] += 5.0
+        plant.reset(q, v)
+        torque = 3.0 * rng.normal(size=len(robot.joints))
+        plant.data.qfrc_applied[places] = torque
+        mujoco.mj_forward(plant.model, plant.data)
+        dynamics.update(q, v)
+        force = np.append(np.zeros(6), torque) - dynamics.bias - dynamics.damping * v
+        expected = np.linalg.solve(dynamics.mass_matrix, force)[6:]
+        size = np.abs(expected).max()
+        np.testing.assert_allclose(plant.data.qacc[places], expected, rtol=0, atol=3e-3 * size)
+
+
+@pytest.mark.parametrize("plant", ["compliant", "mujoco"])
+@pytest.mark.parametrize("name", NAMES)
+def test_they_walk(name, plant):
+    """The condensed controller on its own, and joints where the loops have them."""
+    if plant == "mujoco":
+        pytest.importorskip("mujoco")
+    gait = hp.WalkingGait(looped(name), velocity=(0.15, 0.0, 0.0))
+    run = hp.walk(hp.Scenario(controller="condensed", plant=plant, duration=4.0), gait=gait)
+    assert run.ending == "completed"
+    assert run["q"][-1, 0] > 0.2
+
+
+def test_a_walk_in_mujoco_keeps_the_loops_closed():
+    pytest.importorskip("mujoco")
+    robot = looped("harpy_built")
+    gait = hp.WalkingGait(robot, velocity=(0.2, 0.0, 0.0))
+    motion = hp.build(hp.Scenario(controller="condensed", plant="mujoco", duration=1.0), gait=gait)
+    run, plant = motion.run(), motion.simulator
+    assert run.ending == "completed"
+    ankles = [plant.data.joint(f"joint:{side}_ankle").qpos[0] for side in ("left", "right")]
+    passive = [robot.model.joints[j].idx_q for j in robot.loops.passive]
+    np.testing.assert_allclose(ankles, robot.closed(plant.q)[passive], rtol=0, atol=2e-3)
+
+
+@pytest.mark.parametrize(("name", "most"), [("four_bar", 80.0), ("parallel_ankle", 120.0)])
+def test_the_condensed_optimum_is_that_of_the_program(name, most):
+    """Limbs that their feet determine, of three driven joints and of six."""
+    robot = looped(name)
+    same_optimum(
+        robot,
+        list(states(name, 24)),
+        WholeBodyWeights.for_robot(robot, posture=1e-10),
+        WholeBodyLimits(mu=0.4, give_way=1.0),
+        ("full",),
+        spread=1.0,
+        most=most,
+    )
+
+
+@needs_compiler
+def test_the_c_of_a_walk_has_the_librarys_digits(tmp_path):
+    def made():
+        gait = hp.WalkingGait(looped("harpy_built"), velocity=(0.2, 0.0, 0.0))
+        return hp.make_controller("condensed", gait, mu=0.5)
+
+    scenario = hp.Scenario(ground=hp.Ground(mu_s=0.5), duration=0.5)
+    one, fresh = made(), made()
+    motion = hp.build(scenario, gait=one.gait, controller=lambda gait: one)
+    what = exportable_walk(one)
+    given = record(motion, what)
+    run = hp.walk(scenario, gait=fresh.gait, controller=lambda gait: fresh)
+    done = write_folder(what, given, tmp_path, name="built_walk", single=False, readme=False)
+    ours = np.hstack([run[name].reshape(len(run), -1) for name in ("torque", "thrust")])
+    np.testing.assert_array_equal(answers(what, done.code, given)[0][:, : ours.shape[1]], ours)
+
+
+def test_an_estimator_knows_the_loops():
+    """A robot that stands on the estimate, by encoders of the driven joints and an inertial
+    unit.
+    """
+    robot = looped("parallel_ankle")
+    scenario = hp.Scenario(controller="condensed", state="estimated", duration=1.5)
+    run = hp.walk(scenario, gait=hp.Standing(robot))
+    assert run.ending == "completed"
+    np.testing.assert_allclose(run["estimated_q"][-1], run["q"][-1], rtol=0, atol=0.02)
+
+
+def test_bodies_are_drawn_where_the_loops_have_them():
+    robot = looped("harpy_built")
+    q = np.array([q for q, _ in states("harpy_built", 5)])
+    joints, mounts = _placements(robot, q)
+    data = robot.model.createData()
+    for k, one in enumerate(q):
+        pin.framesForwardKinematics(robot.model, data, robot.closed(one))
+        expected = [place.homogeneous for place in data.oMi]
+        np.testing.assert_allclose(joints[k], expected, rtol=0, atol=1e-12)
+        mount = data.oMf[robot.frame_id("left_thruster")].translation
+        np.testing.assert_allclose(mounts[k, 0], mount, rtol=0, atol=1e-12)
+
+
+def test_what_does_not_know_loops_says_so():
+    robot = looped("harpy_built")
+    with pytest.raises(InputError, match="closed loops, which Pinocchio's plant does not know"):
+        PinocchioPlant(robot)
+    dynamics = hp.Dynamics(robot)
+    q, v = hp.Standing(robot).initial_state()
+    dynamics.update(q, v)
+    state = hp.State(0.0, q, v, *np.zeros((3, 2, 3)))
+    with pytest.raises(InputError, match="has loops, which only the condensed"):
+        hp.wbc.FrameTask("base").rows(dynamics, state)
+
+
+@cache
+def governed():
+    """Harpy as it is built with the thrusters that the paper has: fixed, in any direction."""
+    text = own_urdf("harpy_built.urdf").read_text()
+    for side in ("left", "right"):
+        joint = f'<joint name="{side}_tilt" type='
+        text = text.replace(f'{joint}"revolute">', f'{joint}"fixed">')
+    path = Path(mkdtemp()) / "fixed_fans.urdf"
+    path.write_text(text)
+    return hp.load_robot(
+        path,
+        feet=("left_foot", "right_foot"),
+        thrusters=("left_thruster", "right_thruster"),
+        thrust_limit=53.0,
+        loops=CATALOGUE["harpy_built"].loops,
+        posture=np.zeros(6),
+    )
+
+
+@pytest.mark.parametrize("foot", ["left_foot", "right_foot"])
+def test_a_parallelogram_is_a_leg_of_harpys_kind(foot):
+    """Its inverse kinematics in closed form; the rod is off a parallelogram's by 0.04 mm."""
+    robot, rng = governed(), np.random.default_rng(0)
+    geometry, own = LegGeometry.from_robot(robot, foot), 7 + 3 * robot.feet.index(foot)
+    for _ in range(50):
+        q = robot.reference
+        q[7:] = rng.uniform(-0.6, 0.6, 6)
+        place = Posed(robot, q).frame(foot).translation
+        found = q.copy()
+        found[own : own + 3] = leg_inverse_kinematics(geometry, place)
+        np.testing.assert_allclose(found, q, rtol=0, atol=1e-3)
+        near = Posed(robot, found).frame(foot).translation
+        np.testing.assert_allclose(near, place, rtol=0, atol=1e-4)
+        jacobian = np.zeros((3, 3))
+        leg_jacobian(geometry.record[0], q[own : own + 3], jacobian)
+        expected = Posed(robot, q).jacobian(foot)[:3, own - 1 : own + 2]
+        np.testing.assert_allclose(jacobian, expected, rtol=0, atol=1e-3)
+
+
+@pytest.mark.parametrize("plant", ["compliant", "mujoco"])
+@pytest.mark.parametrize("controller", ["governed", "condensed"])
+def test_the_papers_walk_on_harpy_as_built(controller, plant):
+    if plant == "mujoco":
+        pytest.importorskip("mujoco")
+    parameters = GaitParameters(speed=0.2, height=0.5, width=0.13, penetration_offset=0.006)
+    gait = StraightGait(governed(), parameters)
+    run = hp.walk(hp.Scenario(controller=controller, plant=plant, duration=3.0), gait=gait)
+    assert run.ending == "completed"
+    assert run["q"][-1, 0] == pytest.approx(0.6, abs=0.05)
