@@ -51,12 +51,10 @@ class Settings:
     friction: float = FRICTION  # friction coefficient of the walks whose states are timed
     duration: float = 6.0  # of a walk, s
     seed: int = 0  # of the order in which candidates are timed
-    impulse: float = (
-        3.0  # of the pushes during the walks on which every controller's tick is timed, N·s
-    )
-    faces: tuple[int, ...] = (
-        FACES  # numbers of faces of the friction pyramid, of the section on growth
-    )
+    # of the pushes during the walks on which every controller's tick is timed, N·s
+    impulse: float = 3.0
+    # numbers of faces of the friction pyramid, of the section on growth
+    faces: tuple[int, ...] = FACES
     timing: TimingSettings = field(default_factory=TimingSettings)  # how to time
     campaign: CampaignSettings = field(default_factory=CampaignSettings)  # its walks
 

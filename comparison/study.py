@@ -102,9 +102,8 @@ class Study:
     ]  # tables of the rows; or what makes tables of them
     example: str = ""  # of the command's options
     only: str = ""  # the setting that --only chooses from, if there is one
-    draw: Callable[[Any, Rows], None] | None = (
-        None  # draws the rows in an empty figure, for --figure
-    )
+    # draws the rows in an empty figure, for --figure
+    draw: Callable[[Any, Rows], None] | None = None
     options: Mapping[str, str] = field(
         default_factory=dict
     )  # settings that are options of the command, and their help

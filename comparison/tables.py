@@ -42,9 +42,8 @@ class Cell(NamedTuple):
     column: str
     value: Value
     unit: str = ""  # of the value, empty for counts, shares and text
-    low: float | None = (
-        None  # lower end of its spread, where it has one (the table says which spread)
-    )
+    # lower end of its spread, where it has one (the table says which spread)
+    low: float | None = None
     high: float | None = None  # upper end
 
 

@@ -56,9 +56,8 @@ class VlipParameters:
     g: float = 9.81  # magnitude of gravity, m/s²
     dt: float = 1e-3  # control and integration step, s
     duration: float = 4.0  # s
-    coordinates: str = (
-        "polar"  # of the governed reference: polar (θ, φ, l), the paper's, or cartesian
-    )
+    # of the governed reference: polar (θ, φ, l), the paper's, or cartesian
+    coordinates: str = "polar"
     # paper starts at the target, which already violates friction (equations.md W2); inside starts
     # body and applied
     # reference at an angle of 0.3 rad, inside the friction cone

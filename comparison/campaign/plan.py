@@ -234,9 +234,8 @@ class Task:
     # friction coefficient of a strip in mid-walk that no controller knows of; 0 where there is none
     ice: float
     joint_damping: float = JOINT_DAMPING  # of every joint, N·m·s/rad, known to the controllers
-    torque_share: float = (
-        0.0  # of the peak torque, largest of the motors, known to the controllers; 0 clips nothing
-    )
+    # of the peak torque, largest of the motors, known to the controllers; 0 clips nothing
+    torque_share: float = 0.0
     bandwidth: float = 0.0  # of the motors, Hz, not known; 0 where torques are there at once
     jitter: float  # standard deviation of the starting velocity, m/s
     seed: int  # draws the push's side and step, the starting velocity and the noise

@@ -79,9 +79,8 @@ def scenario(task: Task) -> hp.Scenario:
     start = task.jitter * rng.standard_normal(2)
     push = draw_push(task, gait, rng)
     begin, end = (share * task.speed * task.duration for share in ICE)
-    ice = (
-        ((begin, end, min(task.ice, task.friction)),) if task.ice else ()
-    )  # no less slippery than what is beside it
+    # no less slippery than what is beside it
+    ice = ((begin, end, min(task.ice, task.friction)),) if task.ice else ()
     ground = hp.Ground(mu_s=task.friction, stiffness=task.stiffness, friction_strips=ice)
     assert ground.damping is not None
     return hp.Scenario(

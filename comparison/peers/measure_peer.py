@@ -75,9 +75,8 @@ class Row:
 
     peer: str  # of :data:`~comparison.peers.environment.PEERS`
     options: Mapping[str, Any] = field(default_factory=dict)  # what its worker is told besides
-    expected: Expected | None = (
-        None  # of another program, of which accelerations and torques are known
-    )
+    # of another program, of which accelerations and torques are known
+    expected: Expected | None = None
 
 
 def measure_peer(row: Row, problem: PeerProblem, folder: Path, repetitions: int) -> dict[str, Any]:

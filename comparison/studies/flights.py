@@ -66,13 +66,11 @@ class Manoeuvre:
     duration: float  # of a try, s
     tries: int = 3  # with different noise
     walks: bool = False  # whether it walks on
-    slope: float = (
-        0.0  # of the ground, degrees: from 1.2 m on for flights that walk on, else everywhere
-    )
+    # of the ground, degrees: from 1.2 m on for flights that walk on, else everywhere
+    slope: float = 0.0
     failing: bool = False  # whether the left fan loses half its power in the air
-    watched: bool = (
-        False  # whether the controller finds that out (:mod:`harpy_pin.contrib.thrusters`)
-    )
+    # whether the controller finds that out (:mod:`harpy_pin.contrib.thrusters`)
+    watched: bool = False
     lag: float = 0.0  # of the thrusts, s
     known: bool = False  # whether the controller knows of it
     thrust: bool = True  # whether it has thrust at all

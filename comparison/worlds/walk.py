@@ -157,9 +157,8 @@ class Walker:
         robot, period = knowing(robot, who.known), float(model.opt.timestep)
         self.bridge = MujocoBridge(model, robot)
         self._radius = float(self.bridge.foot_radius.mean())
-        self._lower = (
-            self._radius if who.round else 0.0
-        )  # by how much the world is lower than the controller's
+        # by how much the world is lower than the controller's
+        self._lower = self._radius if who.round else 0.0
         self.gait: Any = WalkingGait(robot)
         if who.controller == "stand":
             left = range(0, len(robot.corners), 2)
@@ -273,9 +272,8 @@ class Watch:
         self.path += dt * hypot(x, y)
         self.error += dt * ((ahead - forward) ** 2 + (aside - leftward) ** 2)
         self.time += dt
-        began_anew = (
-            data.time < self.time - 0.5 * dt
-        )  # MuJoCo does so where numbers are no longer finite
+        # MuJoCo does so where numbers are no longer finite
+        began_anew = data.time < self.time - 0.5 * dt
         self.fell = bool(
             began_anew or data.xpos[self.body, 2] < LOWEST * self._height or turned[8] < UPRIGHT
         )

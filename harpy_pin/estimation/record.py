@@ -65,9 +65,8 @@ class ContactRecord(RecordOf):
     damping: float  # that makes the forces of singular legs finite, m²
     weight: Vector  # (feet,) of the robot, N, divided by how many contact points each foot has
     of_sole: NDArray[np.int64]  # (feet,) 1 for a contact point of a flat foot
-    leg_joints: NDArray[
-        np.int64
-    ]  # (legs, joints) columns in v of the joints that no other leg has; −1 beyond the last
+    # (legs, joints) columns in v of the joints that no other leg has; −1 beyond the last
+    leg_joints: NDArray[np.int64]
     leg_feet: NDArray[np.int64]  # (legs, feet) contact points of each leg; −1 beyond the last
     left: Vector = sized("nv")  # forces that motors and thrusters do not explain, N and N·m
     external: Vector = sized("joints")  # torques of the contact forces, N·m
@@ -133,9 +132,8 @@ class EstimatorRecord(RecordOf):
     # share of the weight that feet and thrusters bear in the mean, along that of the accelerometer
     borne: float
     up: float  # cosine of the angle between the accelerometer's mean and the estimate's vertical
-    astray: int = (
-        ZERO  # 1 while readings have been implausible, and the estimate has not begun anew since
-    )
+    # 1 while readings have been implausible, and the estimate has not begun anew since
+    astray: int = ZERO
     turning: float  # mean square speed of loaded feet that only the gyroscope sees, m²/s²
     turned: float  # time for which it counts as contradicting the legs, s
     unread: float  # time since the joints were read, s

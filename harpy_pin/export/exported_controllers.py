@@ -74,9 +74,8 @@ class Exportable:
         str, tuple[int, ...]
     ]  # names and shapes of the command's parts, or of the estimate's
     statuses: Mapping[str, int]  # what a tick's status says, by name
-    control: str = (
-        ""  # part of the record that has the command; empty where it is the record itself
-    )
+    # part of the record that has the command; empty where it is the record itself
+    control: str = ""
 
     def command_of(self, record: Record) -> Record:
         """The part of a record that has the command."""

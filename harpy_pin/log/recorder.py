@@ -31,9 +31,8 @@ class Recorder:
     def __init__(self, journal: Journal | None = None, *, block: int = BLOCK) -> None:
         self._journal = journal
         self._size = block
-        self._due = (
-            block if journal is None else 1
-        )  # a walk that is killed at once leaves its first tick
+        # a walk that is killed at once leaves its first tick
+        self._due = block if journal is None else 1
         self._rows: list[bytes] = []  # one row each, or several
         self._held = 0  # rows in them
         self._before = 0

@@ -129,9 +129,8 @@ class DynamicsRecord(EquationsRecord):
     """
 
     foot_velocity: Vector = sized("feet", 3)
-    body: NDArray[
-        np.int64
-    ]  # (feet + thrusters,) index of the body of each foot, then of each thruster
+    # (feet + thrusters,) index of the body of each foot, then of each thruster
+    body: NDArray[np.int64]
     offset: Vector  # (feet + thrusters, 3) their places there, m
     body_axis: Vector  # (rotors, 3) axes of the rotors in the body's frame
     rotor_axis: Vector = sized("rotors", 3)

@@ -128,9 +128,8 @@ class MotorsRecord(RecordOf):
     torque: Vector = sized("joints")  # (joints,) at the end of the last step, N·m
     mean_torque: Vector = sized("joints")  # (joints,) over the last step, N·m
     settled: int = ZERO  # 0 before the first command
-    place: NDArray[
-        np.int64
-    ]  # (joints,) of each joint's angle in q; of its cosine where it has no bounds
+    # (joints,) of each joint's angle in q; of its cosine where it has no bounds
+    place: NDArray[np.int64]
     unbounded: NDArray[np.int64]  # (joints,) 1 for a joint whose q is a cosine and a sine
     peak: Vector  # (joints,) torque that a motor with a law of its own does not exceed, N·m
     has_law: int = ZERO  # whether the command has the motors' law below

@@ -90,12 +90,10 @@ class FormulationKernels:
     inputs: Kernel[None]  # reads [u; τ] off a solution: (m, qp, z, out)
     force: Kernel[None]  # reads the contact forces off it: (p, m, qp, z, out)
     acceleration: Kernel[None]  # reads the generalised acceleration off it: (m, z, out)
-    limit: Kernel[
-        None
-    ]  # puts limits of thrusts and torques into the program, or takes them out: (p, m, qp, on)
-    give_way: Kernel[
-        None
-    ]  # lets tasks give way to a solution without these limits: (d, t, p, m, qp, z)
+    # puts limits of thrusts and torques into the program, or takes them out: (p, m, qp, on)
+    limit: Kernel[None]
+    # lets tasks give way to a solution without these limits: (d, t, p, m, qp, z)
+    give_way: Kernel[None]
 
 
 @fixed_arrays("record", "terms")
@@ -131,9 +129,8 @@ class WholeBodyProblem(KeepsViews):
         self.limits = limits if limits is not None else WholeBodyLimits()
         self.feet, self.joints = len(robot.feet), len(robot.joints)
         self.nv, self.n_force, self.n_thrust = robot.nv, 3 * self.feet, robot.n_thrust
-        self.foot_rows = (
-            len(self.limits.pyramid) + 1
-        )  # the pyramid's faces, and the range of the normal force
+        # the pyramid's faces, and the range of the normal force
+        self.foot_rows = len(self.limits.pyramid) + 1
         self.record = make_record(
             FormulationRecord,
             corners=np.array(robot.corners, dtype=np.int64),

@@ -132,9 +132,8 @@ class Periodicity:
     residual: float  # largest entry of map(section) − section, in units of :data:`SCALE`
     spectral_radius: float  # median over the difference steps; below 1 the walk is locally stable
     spread: tuple[float, float]  # (2,) least and largest over the difference steps
-    eigenvalues: NDArray[
-        np.complex128
-    ]  # (n,) at the difference step whose radius is the median, by magnitude
+    # (n,) at the difference step whose radius is the median, by magnitude
+    eigenvalues: NDArray[np.complex128]
     # change of the section over the last step of the walk that led to it, in units of :data:`SCALE`
     settled: float
     memory: bool  # whether the state holds the integrals of the PID

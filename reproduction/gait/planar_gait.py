@@ -44,9 +44,8 @@ class PlanarGait:
     offset: float = 0.0  # how far the middle between the ends lies in front of the body
     swing_mid_x: float = 0.0  # of P2 of the swing, from that middle
     stance_mid_x: float = 0.0  # of P2 of the stance, from that middle
-    lift_x: float = (
-        0.0  # P1 − P0 of the swing, forward; the foot's speed at lift-off is 4/duration of it
-    )
+    # P1 − P0 of the swing, forward; the foot's speed at lift-off is 4/duration of it
+    lift_x: float = 0.0
     lift_z: float = 0.0  # P1 − P0 of the swing, upward
     land_x: float = 0.0  # P4 − P3 of the swing, forward
     land_z: float = 0.0  # P4 − P3 of the swing, upward

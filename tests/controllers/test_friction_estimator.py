@@ -101,9 +101,8 @@ def test_what_sticks_never_lowers_it(seed):
         force = np.column_stack(
             (rng.standard_normal((2, 2)) * 10.0, rng.uniform(LEAST_LOAD + 1e-9, 60.0, 2))
         )
-        before = (
-            before if estimator.record["samples"][0].any() else np.full(2, before.min())
-        )  # a foothold begins
+        # a foothold begins
+        before = before if estimator.record["samples"][0].any() else np.full(2, before.min())
         estimate = feed(estimator, force, velocity)
         assert np.all(estimate >= before)
         before = estimate

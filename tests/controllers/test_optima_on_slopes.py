@@ -53,9 +53,8 @@ def test_condensed_is_the_optimum_on_any_normals(fuzz):
                 [bool(status & CondensedStatus.TORQUE_CLIPPED) for _, _, status in group]
             )
             size = 1.0 + np.abs(given).max(axis=1, keepdims=True)
-            feet = (
-                programs.inequality.shape[1] - 24
-            )  # rows of the pyramids; the others are limits of the inputs
+            # rows of the pyramids; the others are limits of the inputs
+            feet = programs.inequality.shape[1] - 24
             off = np.abs(times(programs.equality, given) - programs.value) / size
             over = (times(programs.inequality, given) - programs.upper)[:, :feet] / size
             promise = max(promise, off[~clipped].max(), over[~clipped].max())

@@ -66,9 +66,8 @@ def test_it_begins_with_its_feet_on_the_ground(name):
     below = places(robot, flat.initial_state(penetration=0.003)[0])
     feet = places(robot, q)
     height = terrain.height(feet[:, 0], feet[:, 1])
-    within = (
-        1e-9 if not robot.flat_feet else 2e-3
-    )  # soles turn about two axes, their corners cannot all be there
+    # soles turn about two axes, their corners cannot all be there
+    within = 1e-9 if not robot.flat_feet else 2e-3
     np.testing.assert_allclose(feet[:, 2] - height, below[:, 2], atol=within)
     np.testing.assert_allclose(feet[:, :2], below[:, :2], atol=within)
     np.testing.assert_array_equal(v, 0.0)

@@ -125,9 +125,8 @@ def test_a_foot_is_slow_when_it_is_near_the_ground(speed, near, low, height):
     end, swing = upright_end(make_record(TunedRecord, **vars(TUNED)), speed, 1.0, near), 0.95
     assert end >= TUNED.upright_end
     settle = TUNED.settle
-    glide = (
-        low * settle / (1.0 - settle)
-    )  # the height there falls at the rate at which it goes on to the ground
+    # the height there falls at the rate at which it goes on to the ground
+    glide = low * settle / (1.0 - settle)
 
     def above(w):  # at the share w before it begins to go down slowly
         return 64.0 * (w * (1.0 - w)) ** 3 + low + glide * w - height

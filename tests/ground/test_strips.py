@@ -61,9 +61,8 @@ def test_every_foot_of_a_walk_is_inside_its_own_cone_and_ice_is_felt(plant):
     trusting = Condensed(parameters={"estimate_friction": False})
     run = walked(controller=trusting, plant=plant, ground=ground, duration=2.5)
     x, force = run["foot_position"][..., 0], run["foot_force"]
-    clear = (
-        np.min([abs(x - edge) for edge in ice[:2]], axis=0) > 2e-3
-    )  # not where it crosses an edge within a step
+    # not where it crosses an edge within a step
+    clear = np.min([abs(x - edge) for edge in ice[:2]], axis=0) > 2e-3
     used = np.hypot(force[..., 0], force[..., 1]) - ground.friction(x) * force[..., 2]
     assert used[clear].max() <= 1e-6 if plant == "compliant" else used[clear].max() <= 1e-3
     on_ice = (ice[0] < x) & (x < ice[1]) & (force[..., 2] > 5.0)

@@ -88,9 +88,8 @@ def test_compilers_have_nothing_to_say(single, called, in_double, tmp_path: Path
     unit = together(called, single=True) if single else in_double
     codes = ["\n\n".join((unit.header(), unit.types(), unit.code()))]
     codes += [entry_code(kernel, types, single=single) for kernel, types in called[::20]]
-    mode = (
-        "-c" if "ziglang" in command else "-fsyntax-only"
-    )  # which zig takes for a build without a result
+    # which zig takes for a build without a result
+    mode = "-c" if "ziglang" in command else "-fsyntax-only"
     for n, code in enumerate(codes):  # one by one: zig links what it compiles together
         file = tmp_path / f"{n}.c"
         file.write_text(code, encoding="utf-8")

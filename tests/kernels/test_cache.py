@@ -78,9 +78,8 @@ def run(script, folder, **environment):
         "PYTHONPATH": f"{folder}:{Path.cwd()}",
         **environment,
     }
-    known["PYTHONDONTWRITEBYTECODE"] = (
-        "1"  # an edit within a second, of the same size, is not seen by Python itself
-    )
+    # an edit within a second, of the same size, is not seen by Python itself
+    known["PYTHONDONTWRITEBYTECODE"] = "1"
     done = subprocess.run(
         [sys.executable, "-c", script], capture_output=True, text=True, env=known, cwd=folder
     )

@@ -66,9 +66,8 @@ def test_standing_still():
 def test_sums_of_the_physics_steps_are_taken_where_they_are_logged():
     run = still(1500)
     rows = np.arange(1500.0)
-    run.signals["slip_path"] = (
-        np.stack((2e-6 * rows, 1e-6 * rows), axis=1) + 7.0
-    )  # what was before does not count
+    # what was before does not count
+    run.signals["slip_path"] = np.stack((2e-6 * rows, 1e-6 * rows), axis=1) + 7.0
     run.signals["slip_net"] = np.stack((1e-6 * rows, 0.5e-6 * rows), axis=1) + 3.0
     found = measure(run)
     assert found.slip_mm_per_step == pytest.approx(3e-3 * 1499 / 2)

@@ -105,9 +105,8 @@ def test_it_slides_down_a_ramp_and_stops_behind_it(sled):
     assert np.linalg.norm(simulator.v) < 1e-9
     drop = np.tan(slope) * (length - 0.01)
     squared = 2 * G * (drop - 0.3 * (length - 0.01))  # of the speed at the foot of the ramp
-    landed = (
-        squared * (np.cos(slope) - 0.3 * np.sin(slope)) ** 2
-    )  # the impulse of the edge has friction, too
+    # the impulse of the edge has friction, too
+    landed = squared * (np.cos(slope) - 0.3 * np.sin(slope)) ** 2
     assert simulator.q[0] - length == pytest.approx(landed / (2 * 0.3 * G), rel=0.05)
 
 

@@ -189,9 +189,8 @@ def test_bad_settings_are_named(robot, name, values):
 def test_robot_without_feet_falls_through_the_ground(robot):
     simulator = Simulator(hp.load_robot(robot.urdf, feet=()), dt=1e-3)
     q = pin.neutral(robot.model)
-    q[7:] = (
-        0.5 * (robot.model.lowerPositionLimit + robot.model.upperPositionLimit)[7:]
-    )  # no joint is at its end
+    # no joint is at its end
+    q[7:] = 0.5 * (robot.model.lowerPositionLimit + robot.model.upperPositionLimit)[7:]
     simulator.reset(q, np.zeros(12))
     simulator.advance(Command(np.zeros(6), np.zeros((0, 3))), steps=100)
     centre = pin.centerOfMass(robot.model, robot.model.createData(), simulator.q)

@@ -67,9 +67,8 @@ class Flyer:
         )  # the point below the centre of mass
         self.balance = Balance(robot, self.air)
         self._gains = {1.0: self.balance.gain}
-        self.lag = (
-            0.0  # with which thrusts follow the jumps' plan, s, where a controller knows of one
-        )
+        # with which thrusts follow the jumps' plan, s, where a controller knows of one
+        self.lag = 0.0
 
     def gain(self, weight: float) -> Vector:
         """Feedback where thrusters carry the robot's weight times a factor."""

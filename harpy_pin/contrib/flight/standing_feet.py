@@ -34,9 +34,8 @@ class StandingFeet:
         self._terrain = terrain
         self._loaded = max(LOADED * robot.mass * GRAVITY, MIN_LOADED)
         self.middle: Vector = begin.foot_position.mean(axis=0)
-        self._deep: Vector = (
-            -begin.body[2] - begin.foot_position[:, 2]
-        )  # how much deeper than the ground feet aim
+        # how much deeper than the ground feet aim
+        self._deep: Vector = -begin.body[2] - begin.foot_position[:, 2]
 
     def begin(self, place: Vector) -> None:
         """Stand at places (feet, 3), m, without load."""

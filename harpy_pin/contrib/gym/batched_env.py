@@ -169,9 +169,8 @@ class BatchedEnv(KeepsViews):
             np.repeat(part, n) for part in parts
         )
         self._steps = checks.multiple("period", s.period, "physics step", s.dt)
-        self.q, self.v = (
-            np.tile(array, (n, 1)).copy() for array in self._start
-        )  # (n, nq) and (n, nv)
+        # (n, nq) and (n, nv)
+        self.q, self.v = (np.tile(array, (n, 1)).copy() for array in self._start)
         self.t = np.zeros(n)
         self.observation, self.reward = np.zeros((n, OBSERVATIONS)), np.zeros(n)  # of the last step
         self.fallen = np.zeros(n, dtype=np.bool_)

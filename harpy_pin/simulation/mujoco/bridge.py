@@ -60,9 +60,8 @@ class BridgeRecord(RecordOf):
     motors: MotorsRecord
     link: NDArray[np.int64]  # (geoms, feet) 1 where a geom is on the link of a foot
     reach: Vector  # (feet,) distance from a foot's point within which contacts are its, m
-    entry: NDArray[
-        np.int64
-    ]  # (joints,) of each joint's actuator in ``ctrl``, or of the joint in ``qfrc_applied``
+    # (joints,) of each joint's actuator in ``ctrl``, or of the joint in ``qfrc_applied``
+    entry: NDArray[np.int64]
     output: NDArray[np.int64]  # (joints,) of each joint's actuator among the gears
     number: NDArray[np.int64]  # (joints,) of each joint's actuator
     affine: NDArray[np.int64]  # (joints,) 1 where the force has a bias

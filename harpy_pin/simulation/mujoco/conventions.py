@@ -58,9 +58,8 @@ class ConventionsRecord(RecordOf):
     base_velocity: int  # of the free joint in MuJoCo's ``qvel``
     place: NDArray[np.int64]  # (joints,) in q
     column: NDArray[np.int64]  # (joints,) in v
-    unbounded: NDArray[
-        np.int64
-    ]  # (joints,) 1 for a joint without limits, whose q is a cosine and a sine
+    # (joints,) 1 for a joint without limits, whose q is a cosine and a sine
+    unbounded: NDArray[np.int64]
     position: NDArray[np.int64]  # (joints,) in MuJoCo's ``qpos``
     velocity: NDArray[np.int64]  # (joints,) in MuJoCo's ``qvel``
     q: Vector

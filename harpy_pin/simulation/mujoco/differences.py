@@ -237,9 +237,8 @@ def _reached(here: AtZero, actuators: NDArray[np.int64], driven: NDArray[np.int6
         (model.jnt_actfrclimited[joints], model.jnt_actfrcrange[joints]),
     )
     ranges = [np.where(limited, bounds.T, INFINITE) for limited, bounds in limits]
-    force = (
-        ranges[0][:, None] * gain + bias[:, 0] + bias[:, 1] * ratio * angle
-    )  # (2 controls, 2 angles, joints)
+    # (2 controls, 2 angles, joints)
+    force = ranges[0][:, None] * gain + bias[:, 0] + bias[:, 1] * ratio * angle
     torque = np.sort(ratio * np.clip(force, ranges[1][0], ranges[1][1]), axis=0)
     torque = np.clip(torque, ranges[2][0], ranges[2][1])
     return np.asarray(np.maximum(np.minimum(-torque[0], torque[1]).min(axis=0), 0.0))

@@ -86,9 +86,8 @@ class MujocoModel(KeepsViews):
             mujoco, robot, tree, friction=friction, foot_radius=foot_radius, planes=planes
         )
         spec.option.timestep = dt
-        spec.option.jacobian = (
-            mujoco.mjtJacobian.mjJAC_DENSE
-        )  # Newton's solver is wrong with sparse ones in 4.0.0
+        # Newton's solver is wrong with sparse ones in 4.0.0
+        spec.option.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
         spec.option.gravity = checks.vector("gravity", gravity, 3)
         try:
             self.model: Any = spec.compile()

@@ -52,9 +52,8 @@ class Chart:
     title: str  # what is plotted
     unit: str  # of the values
     lines: Sequence[Line] = ()  # of the chart; one without lines is not drawn
-    level: tuple[float, str] | None = (
-        None  # a value that is marked across the chart, and what it is
-    )
+    # a value that is marked across the chart, and what it is
+    level: tuple[float, str] | None = None
     low: float | None = None  # smallest value of the axis; from the lines where it is None
     high: float | None = None  # largest value of the axis; from the lines where it is None
 

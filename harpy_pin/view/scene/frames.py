@@ -158,9 +158,8 @@ class Contacts:
     force: Vector  # (..., 3) of the ground on the feet, N
     velocity: Vector  # (..., 3) of the feet, m/s
     mu: Vector | None = None  # (...,) static friction coefficient; None where it is not known
-    per_axis: bool = (
-        False  # whether friction bounds the two tangential forces apart, instead of their length
-    )
+    # whether friction bounds the two tangential forces apart, instead of their length
+    per_axis: bool = False
 
     @classmethod
     def of(cls, run: Run, ground: Ground | None) -> Contacts:

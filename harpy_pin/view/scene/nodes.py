@@ -74,9 +74,8 @@ class Look:
     # light, and shadow
     # shows nothing but shadows
     light: Literal["body", "ground", "bright", "even", "shadow"] = "even"
-    in_front: int = (
-        0  # draws it through whatever stands before it, the larger the later; not where it is 0
-    )
+    # draws it through whatever stands before it, the larger the later; not where it is 0
+    in_front: int = 0
 
 
 @dataclass(frozen=True, eq=False)

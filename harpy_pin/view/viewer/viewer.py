@@ -96,9 +96,8 @@ class Viewer(AbstractContextManager["Viewer"]):
         self._numbers = self._moment.view(np.float64)
         self._measured = self._numbers[: kind.fields["x_r"][1] // 8]  # type: ignore[index]
         self._quaternion = self._views["q"][3:7]
-        self._followed: Any = (
-            None  # a gait of the clock alone, which controllers and the viewer follow by copies
-        )
+        # a gait of the clock alone, which controllers and the viewer follow by copies
+        self._followed: Any = None
         self._set_configuration(_standing(robot) if q is None else q)
         with _listen(port) as listener, tempfile.TemporaryFile() as file:
             self.url = f"http://127.0.0.1:{listener.getsockname()[1]}/static/"
