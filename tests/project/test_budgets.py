@@ -16,10 +16,10 @@ import harpy_pin
 ROOT = Path(__file__).resolve().parents[2]
 CONTRIB = "harpy_pin/contrib/"
 STATEMENTS = {
-    "harpy_pin": 26_230,
-    CONTRIB: 5_450,
-    "reproduction": 2_100,
-    "comparison": 7_130,
+    "harpy_pin": 26_280,
+    CONTRIB: 5_020,
+    "reproduction": 2_080,
+    "comparison": 7_480,
     "tests": 28_550,
 }
 """Most statements of the Python files that Git tracks in a folder; ``harpy_pin`` is without
@@ -28,7 +28,7 @@ contrib.
 LONGEST_FILE = 350
 """Most statements of a file."""
 MOST_PUBLIC_NAMES = 73
-MOST_WORDS = 19_650
+MOST_WORDS = 19_810
 """Of prose in README, docs and notebooks, without tables, code, formulas and comments."""
 
 
