@@ -558,6 +558,9 @@ def load_robot(
         if limits[joint.idx_v] == 0.0 and joint.id not in followers
     ]
     _warn(path, "of effort 0, taken as without a limit", unknown)
+    lossy = model.damping + model.upperDryFrictionLimit
+    rubbing = [model.names[j] for j in followers if lossy[model.joints[j].idx_v] > 0.0]
+    _warn(path, "without a motor, whose damping and dry friction are left out", rubbing)
     if not listed:
         no_inertia = [name for name, _, body in parts if body.mass > 0.0 and not body.inertia.any()]
         _warn(path, "whose body has a mass, no inertia", no_inertia)
