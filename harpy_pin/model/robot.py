@@ -28,7 +28,7 @@ from harpy_pin.model.catalogue import (
 )
 from harpy_pin.model.flat_foot import FlatFoot, add_flat_feet
 from harpy_pin.model.known_joints import KnownJoints, read_joints
-from harpy_pin.model.loops import Loops, driven_supports, find_loops, read_loops
+from harpy_pin.model.loops import Loops, driven_supports, find_loops, read_loops, start_angles
 from harpy_pin.model.mjcf import (
     Description,
     compile_mjcf,
@@ -529,7 +529,7 @@ def load_robot(
         angles = known.posture(model)
     ties = (*read.ties, *read_loops(loops or known.loops, model))
     if ties:
-        closing = find_loops(model, ties, read.undriven, _start(model, angles, read.start))
+        closing = find_loops(model, ties, read.undriven, start_angles(model, angles, read.start))
         angles = None if angles is None else np.delete(angles, np.array(closing.passive) - 2)
     for kind, names in (("foot", feet), ("thruster", mounts)):
         if len(set(names)) != len(names):
@@ -582,16 +582,6 @@ def load_robot(
         loops=closing,
     )
     return robot if joints is None else robot.with_joints(read_joints(joints))
-
-
-def _start(model: pin.Model, *known: Vector | None) -> Vector:
-    """(all joints,) from which closed loops are searched: those of the file, or zero or the next
-    limit.
-    """
-    for angles in known:
-        if angles is not None:
-            return angles
-    return np.asarray(np.clip(0.0, model.lowerPositionLimit[7:], model.upperPositionLimit[7:]))
 
 
 def _warn(path: Path | None, what: str, joints: Sequence[str]) -> None:

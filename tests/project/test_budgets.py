@@ -22,7 +22,7 @@ STATEMENTS = {
     CONTRIB: 5_450,
     "reproduction": 2_100,
     "comparison": 7_130,
-    "tests": 28_550,
+    "tests": 28_600,
 }
 """Most statements of the Python files that Git tracks in a folder; ``harpy_pin`` is without
 contrib.
