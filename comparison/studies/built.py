@@ -1,8 +1,8 @@
-"""Walk every controller on Harpy as it is built, and on the paper's open chain.
+"""Walk every controller on Harpy as it is built.
 
-The robot as it is built has a rod that closes each leg, and a heavier body. Its thrusters are fixed
-and push in any direction here, as the paper's do. The controllers know the friction; gains and
-settings are those of the open chain.
+Beside it is the paper's open chain. The robot as it is built has a rod that closes each leg, and a
+heavier body. Its thrusters are fixed and push in any direction here, as the paper's do. The
+controllers know the friction; gains and settings are those of the open chain.
 """
 
 from __future__ import annotations

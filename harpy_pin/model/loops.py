@@ -178,6 +178,16 @@ def _search(model: pin.Model, loops: Loops, q: Vector) -> float:
     return float(np.abs(residual_of(model, loops.ties, q)[0]).max())
 
 
+def start_angles(model: pin.Model, *known: Vector | None) -> Vector:
+    """(all joints,) from which closed loops are searched: those of the file, or zero or the next
+    limit.
+    """
+    for angles in known:
+        if angles is not None:
+            return angles
+    return np.asarray(np.clip(0.0, model.lowerPositionLimit[7:], model.upperPositionLimit[7:]))
+
+
 def find_loops(
     model: pin.Model, ties: Sequence[Tie], undriven: Sequence[int], angles: Vector
 ) -> Loops:

@@ -28,7 +28,7 @@ from harpy_pin.model.catalogue import (
 )
 from harpy_pin.model.flat_foot import FlatFoot, add_flat_feet
 from harpy_pin.model.known_joints import KnownJoints, read_joints
-from harpy_pin.model.loops import Loops, driven_supports, find_loops, read_loops
+from harpy_pin.model.loops import Loops, driven_supports, find_loops, read_loops, start_angles
 from harpy_pin.model.mjcf import (
     Description,
     compile_mjcf,
@@ -529,7 +529,7 @@ def load_robot(
         angles = known.posture(model)
     ties = (*read.ties, *read_loops(loops or known.loops, model))
     if ties:
-        closing = find_loops(model, ties, read.undriven, _start(model, angles, read.start))
+        closing = find_loops(model, ties, read.undriven, start_angles(model, angles, read.start))
         angles = None if angles is None else np.delete(angles, np.array(closing.passive) - 2)
     for kind, names in (("foot", feet), ("thruster", mounts)):
         if len(set(names)) != len(names):
@@ -558,6 +558,9 @@ def load_robot(
         if limits[joint.idx_v] == 0.0 and joint.id not in followers
     ]
     _warn(path, "of effort 0, taken as without a limit", unknown)
+    lossy = model.damping + model.upperDryFrictionLimit
+    rubbing = [model.names[j] for j in followers if lossy[model.joints[j].idx_v] > 0.0]
+    _warn(path, "without a motor, whose damping and dry friction are left out", rubbing)
     if not listed:
         no_inertia = [name for name, _, body in parts if body.mass > 0.0 and not body.inertia.any()]
         _warn(path, "whose body has a mass, no inertia", no_inertia)
@@ -579,16 +582,6 @@ def load_robot(
         loops=closing,
     )
     return robot if joints is None else robot.with_joints(read_joints(joints))
-
-
-def _start(model: pin.Model, *known: Vector | None) -> Vector:
-    """(all joints,) from which closed loops are searched: those of the file, or zero or the next
-    limit.
-    """
-    for angles in known:
-        if angles is not None:
-            return angles
-    return np.asarray(np.clip(0.0, model.lowerPositionLimit[7:], model.upperPositionLimit[7:]))
 
 
 def _warn(path: Path | None, what: str, joints: Sequence[str]) -> None:

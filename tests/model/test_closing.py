@@ -272,3 +272,12 @@ def test_inverse_kinematics_goes_through_loops(tmp_path):
     np.testing.assert_allclose(place, target, rtol=0, atol=1e-9)
     far = solve_ik(robot, {"left_foot": target + 5.0}, q)
     assert not far.converged
+
+
+def test_damping_of_passive_joints_is_left_out_with_a_warning(tmp_path):
+    path = written(tmp_path, "linkage", linkage())
+    text = path.read_text()
+    assert text.count('damping="0" armature="0.0"') == 2
+    path.write_text(text.replace('damping="0" armature="0.0"', 'damping="0.1"'))
+    with pytest.warns(UserWarning, match="damping and dry friction are left out: 'b' and 1 more"):
+        hp.load_robot(path, feet=(), loops=[("p", "r", "point")])

@@ -5,10 +5,13 @@ import pkgutil
 from collections.abc import Callable
 from dataclasses import fields, is_dataclass, replace
 from functools import partial
+from pathlib import Path
+from tempfile import mkdtemp
 from typing import Any
 
 import numpy as np
 import pinocchio as pin
+from looped_robots import ROBOTS
 from walks import started, walked
 
 import harpy_pin as hp
@@ -402,6 +405,24 @@ def exported() -> None:
 def _tick_alone(motion: Walk, what: Exportable | None = None) -> None:
     what = what or exportable(motion.sensors.estimator if motion.sensors else motion.controller)
     _from_kernels(what, record(motion, what))
+
+
+@scene
+def linkages() -> None:
+    """Robots with closed loops of each kind, with the estimator and a task of a frame."""
+    folder = Path(mkdtemp())
+    made = [
+        hp.load_robot("harpy_built"),
+        *(ROBOTS[name](folder) for name in ("four_bar", "coupled")),
+    ]
+    for robot in made:
+        gait = hp.WalkingGait(robot)
+        scenario = hp.Scenario(controller="condensed", state="estimated", duration=0.004)
+        hp.walk(scenario, gait=gait)
+        task = hp.wbc.FrameTask(robot.feet[0], part="position")
+        controller = hp.make_controller("condensed", hp.WalkingGait(robot), mu=0.5)
+        controller.add(task, weight=0.1)
+        controller.step(hp.State(0.0, *gait.initial_state(), *np.zeros((3, 2, 3))))
 
 
 @scene
