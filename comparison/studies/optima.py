@@ -1,4 +1,4 @@
-"""Hold the optimum in six unknowns beside dense programs, push it beyond reason, and time it.
+"""Check the optimum in six unknowns, and time it.
 
 At random states of robots that stand, trot and balance, accelerations, forces and torques are
 compared with those of the dense program, by ProxQP at 1e-9. At absurd states, warm from an answer

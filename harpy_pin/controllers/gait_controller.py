@@ -145,8 +145,6 @@ class GaitController(KeepsViews, ABC):
 
     def _tick(self, state: State) -> int:
         """One tick, a stage after the other: the sample, the gait, then everything else."""
-        if self._take is _python:
-            self._join()
         status = self._first(state)
         if status is None and self._take(state) is None:
             state = as_state(state, self.robot)
@@ -154,6 +152,8 @@ class GaitController(KeepsViews, ABC):
         if status is None:
             sample = self._plan(state)
             status = self._step(self._record_, self.target._record_, *sample, *self._parts)
+            if self._take is _python and sample is not self._nothing:  # the gait has begun
+                self._join()
         return self._go_on(status, state) if self._in_python else status
 
     def _plan(self, state: State) -> tuple[Vector, ...]:

@@ -45,6 +45,8 @@ ACCEPTED: dict[tuple[str, ...], set[str]] = {
     ("reproduction", "gait", "--slip-weight"): ZERO,
     ("reproduction", "gait", "--seed"): {"0"},
     ("reproduction", "vlip", "--friction"): ZERO,
+    ("comparison", "speed", "--walks"): {"0"},
+    ("comparison", "speed", "--starts"): {"0"},
     ("comparison", "--seed"): SEED,
     ("comparison", "--friction"): ZERO,
     ("comparison", "campaign", "--seed"): SEED,

@@ -181,8 +181,8 @@ def test_every_tick_is_one_crossing_into_c(
         for state in sequences[0].states[1:20]:
             controller.step(state)
         # Gait, terms and program; ProxQP's rows; after the solver the violation, the limits and the
-        # command.
-        each = {"wbc": 5, "wbc/daqp": 4}.get(name, 1)
+        # forces; what closes every tick.
+        each = {"wbc": 6, "wbc/daqp": 5}.get(name, 1)
         assert len(crossings) == 19 * each, (name, len(crossings))
 
 

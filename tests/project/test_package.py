@@ -150,7 +150,7 @@ def test_the_condensed_tick_is_short():
     assert {module.split(".")[1] for module in modules} == {"controllers", "wbc", "model", "ground"}
     files = [ROOT / (module.replace(".", "/") + ".py") for module in modules]
     assert len(files) <= 22
-    assert sum(len(file.read_text().splitlines()) for file in files) <= 3770
+    assert sum(len(file.read_text().splitlines()) for file in files) <= 3800
 
 
 def test_the_condensed_optimum_is_closed_in_itself():
