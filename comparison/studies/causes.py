@@ -1,4 +1,4 @@
-"""Find what fells the condensed WBC in other people's models.
+"""Find what fells the condensed WBC in others' models.
 
 Torques alone, in models that have one of dry friction, damping and armature in the joints, round
 feet, their own steps and pyramids as friction cones; then in the whole model, with what the

@@ -1,4 +1,4 @@
-"""Walk quadrupeds ever faster, with and without the preview, and Go2 in other ways.
+"""Walk quadrupeds ever faster, with and without the preview.
 
 A speed counts where every start stands for the whole walk and reaches nine tenths of it, in both
 plants, with motors that keep the model's limits: torques are clipped, and fall to nothing at the
