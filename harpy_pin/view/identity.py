@@ -51,15 +51,15 @@ def robot_of(run: Run, urdf: str | Path | None = None) -> Robot:
     source, scenario, own = (run.metadata.get(key) for key in ("robot_source", "scenario", "own"))
     if urdf in CATALOGUE:
         return load_robot(str(urdf))
-    if feet is None or (feet == HARPY_FEET and thrusters == HARPY_THRUSTERS):
-        own_gait = isinstance(own, list) and "gait" in own
-        variant = scenario.get("urdf") if isinstance(scenario, dict) and not own_gait else None
-        return load_harpy(urdf or (variant if isinstance(variant, str) else None))
     name = run.metadata.get("robot")
     if urdf is None and name in CATALOGUE:
         robot = load_robot(str(name))
         if (robot.feet, robot.thrusters, robot.nq) == (feet, thrusters, run["q"].shape[1]):
             return robot
+    if feet is None or (feet == HARPY_FEET and thrusters == HARPY_THRUSTERS):
+        own_gait = isinstance(own, list) and "gait" in own
+        variant = scenario.get("urdf") if isinstance(scenario, dict) and not own_gait else None
+        return load_harpy(urdf or (variant if isinstance(variant, str) else None))
     if isinstance(source, dict):
         return read_robot(source if urdf is None else {**source, "file": str(urdf)})
     if urdf is not None:
