@@ -74,7 +74,7 @@ def take_sample(
 def write_thrust(
     r: TaskTickRecord, g: GaitTargetRecord, q: Vector, v: Vector, foot_force: Vector
 ) -> None:
-    """The thrusts of the inputs, where these are those of the command."""
+    """The thrusts of the inputs; no stage where thrusts lag."""
     write_thrusts(r.dynamics, r.inputs, r.thrust)
 
 
@@ -100,6 +100,7 @@ def tick_of(opening: Stages, stages: Stages, closing: Stages) -> Kernel[int]:
     good, and those that close every tick; it returns the status.
     """
 
+    # v is as long as the bias forces, and forces have the shape of the targets of the feet
     @kernel(v="r.dynamics.bias", foot_force="r.targets.feet")
     def tick(
         r: TaskTickRecord, target: GaitTargetRecord, q: Vector, v: Vector, foot_force: Vector

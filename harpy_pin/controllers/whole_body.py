@@ -71,8 +71,8 @@ class WholeBodyController(TaskController):
     soft spring and damper hold the joints at the gait's posture, without thrust. :attr:`failures`
     counts the ticks.
 
-    A state whose time, q, v or foot forces are not all finite numbers is a bad sample, which
-    :class:`~harpy_pin.controllers.gait_controller.GaitController` answers: nothing is solved.
+    A bad sample is answered as
+    :class:`~harpy_pin.controllers.gait_controller.GaitController` says: nothing is solved.
 
     Args:
         gait: where body and feet should be. Of one that never changes the controller takes a copy

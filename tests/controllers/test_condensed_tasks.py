@@ -28,6 +28,13 @@ def states(gait: Gait, controller: str, duration: float) -> list[hp.State]:
     return [hp.State(float(t), *(row.copy() for row in rest)) for t, *rest in rows]
 
 
+class Swaying(hp.CentreOfMassTask):
+    """Rows of one's own, which are Python's."""
+
+    def rows(self, dynamics, state):
+        return super().rows(dynamics, state)
+
+
 def both(make_gait, tasks: list, weights: list, along: list[hp.State]) -> tuple:
     """Largest difference of the torques of the condensed controller and of the QP at states, and
     the largest torque; each gets tasks of its own.
@@ -125,6 +132,7 @@ def test_what_is_refused_changes_nothing(gait, robot):
         one.add(hp.JointTask(robot.joints[:2], gains=(0.0, 5.0)), weight=0.1)
     for bad, weight, says in (
         (hp.wbc.FootForceTask("right_foot"), 1.0, "tasks must be FrameTask"),
+        (Swaying(), 1.0, "rows of one's own, as of Swaying"),
         (hp.FrameTask("nose", part="position"), 1.0, "nose"),
         (hp.JointTask(("nose",)), 1.0, "nose"),
         (task, -1.0, "weight"),

@@ -24,6 +24,7 @@ from harpy_pin.model.kinematics import LegGeometry, leg_inverse_kinematics, leg_
 from harpy_pin.model.posed import Posed
 from harpy_pin.simulation.mujoco import MujocoPlant
 from harpy_pin.simulation.pinocchio_plant import PinocchioPlant
+from harpy_pin.view.identity import robot_of
 from harpy_pin.view.scene.frames import _placements
 from harpy_pin.wbc import WholeBodyLimits, WholeBodyWeights
 
@@ -73,6 +74,7 @@ def test_they_walk(name, plant):
     run = hp.walk(hp.Scenario(controller="condensed", plant=plant, duration=4.0), gait=gait)
     assert run.ending == "completed"
     assert run["q"][-1, 0] > 0.2
+    assert robot_of(run).model == looped(name).model
 
 
 def test_a_walk_in_mujoco_keeps_the_loops_closed():

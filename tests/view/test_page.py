@@ -153,7 +153,7 @@ def test_packing_is_plain_letters_and_exact() -> None:
 
 
 @needs_robots
-@pytest.mark.parametrize("name", ["solo12", "g1", "harpy_built"])
+@pytest.mark.parametrize("name", ["solo12", "g1"])
 def test_the_robot_of_a_log_is_found(robot: Robot, name: str) -> None:
     """By its names and feet, whose corners are logged where feet are flat, or by what one says of
     it.

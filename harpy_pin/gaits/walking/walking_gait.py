@@ -58,7 +58,8 @@ class WalkingGait(FollowsVelocity):
         velocity: the command; or rows of a script, (t, forward, to the left, turning[, height]),
             each valid from its time, s, on; or a function from the time to the command.
         posture: (joints,) angles in which it stands, rad; by default as of :class:`Standing`.
-        clearance: height of a foot at mid-swing, m.
+        clearance: height of a foot at mid-swing, m; by default that of the parameters, which is a
+            share of the leg.
         max_speed: largest velocity of a foot's place, m/s; by default what legs can reach and
             motors can hold and swing, √(g leg) at most.
         parameters: the tuned numbers; or those that differ, by name.

@@ -53,6 +53,13 @@ def known_tasks(tasks: Sequence[object]) -> list[AnyTask]:
                 name="tasks",
                 value=task,
             )
+        if all(type(task).rows is not kind.rows for kind in KINDS):
+            raise InputError(
+                f"rows of one's own, as of {type(task).__name__}, are for the whole-body QP: "
+                "here they are compiled, and references change in place",
+                name="tasks",
+                value=task,
+            )
         known.append(task)
     for kind in (CentreOfMassTask, MomentumTask):
         if sum(isinstance(task, kind) for task in known) > 1:

@@ -1,3 +1,1 @@
-"""Tasks of a whole-body problem, one kind in each file: those that every problem has, and those
-that users add.
-"""
+"""Tasks of a whole-body problem: all kinds, and those that users have added to a problem."""
