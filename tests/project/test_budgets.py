@@ -28,7 +28,7 @@ contrib.
 LONGEST_FILE = 350
 """Most statements of a file."""
 MOST_PUBLIC_NAMES = 73
-MOST_WORDS = 19_810
+MOST_WORDS = 19_950
 """Of prose in README, docs and notebooks, without tables, code, formulas and comments."""
 
 
