@@ -75,6 +75,8 @@ class Plan:
 
     What is given is kept in attributes of these names, with all its rows, and besides:
 
+    Arrays are read only.
+
     Attributes:
         feet: how many.
         rotation: (N, 3, 3) from body axes to world axes.
@@ -136,6 +138,9 @@ class Plan:
             self.landing[i, flies] = later[flies]
             self.foothold[i, flies] = self.foothold[i + 1, flies]
         self._grid = self.times.tolist()
+        for value in vars(self).values():
+            if isinstance(value, np.ndarray):
+                value.flags.writeable = False
 
     def __repr__(self) -> str:
         begin, end = self.times[[0, -1]]

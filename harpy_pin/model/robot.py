@@ -177,7 +177,7 @@ class Robot:
             q: (nq,) configuration.
 
         Raises:
-            InputError: the loops cannot be closed there.
+            InputError: the loops cannot be closed there, or q has another shape.
         """
         return q if self.loops is None else self._close(q)[0]
 
@@ -197,7 +197,7 @@ class Robot:
         from harpy_pin.model.closure import closed_tree  # kernels, which no other robot needs here
 
         assert self.loops is not None
-        return closed_tree(self.model, self.loops, q)
+        return closed_tree(self.model, self.loops, checks.array("q", q, self.nq))
 
     def carriers(self, frame: str) -> tuple[int, ...]:
         """Pinocchio's numbers of the actuated joints that may move a frame, from the base on.

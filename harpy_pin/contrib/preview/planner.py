@@ -55,6 +55,8 @@ GAITS = ("trot", "bound", "pronk")
 """Which feet step together: diagonal ones, those of a pair of legs, or all."""
 LONGEST_GAP = 0.1
 """Time that counts between two plans, at most, s."""
+LEAST_BOUND = 0.7
+"""Least friction coefficient for which a bound is planned: Go2 fell with 0.65, walked with this."""
 PUSHED = 0.2
 """Velocity from which on it steps though it should stand, in √(g leg)."""
 
@@ -102,14 +104,17 @@ class Preview:
         gait: str = "trot",
     ) -> None:
         checks.instance("robot", robot, Robot)
-        if robot.corners != (1, 1, 1, 1) or any(len(leg.joints) != 3 for leg in legs(robot)):
+        open_legs = robot.corners == (1, 1, 1, 1) and robot.loops is None
+        if not open_legs or any(len(leg.joints) != 3 for leg in legs(robot)):
             raise InputError(
-                f"the preview needs four legs of three joints on points, not '{robot.name}'",
+                f"the preview needs four open legs of three joints on points, not '{robot.name}'",
                 name="robot",
             )
         self.robot = robot
-        self.command, self._script, self._function = read_velocity(velocity, 3)
+        self._command, self._script, self._function = read_velocity(velocity, 3)
         self.mu = checks.number("mu", mu, low=0.0, high=checks.MAX_FRICTION, strict=True)
+        if gait == "bound" and self.mu < LEAST_BOUND:
+            raise InputError(f"on less friction than {LEAST_BOUND:g} a bound falls", name="mu")
         q, _ = Standing(robot).initial_state()
         walk = WalkingParameters()
         build = build_of(robot, q, walk)
@@ -131,6 +136,15 @@ class Preview:
         given = bound if max_speed is None else max_speed
         self.max_speed = checks.number("max_speed", given, low=0.0, high=20.0, strict=True)
         self._begin(0.0)
+
+    @property
+    def command(self) -> Vector:
+        """Velocity forward and to the left, m/s, and turning, rad/s; it may be written in place."""
+        return self._command
+
+    @command.setter
+    def command(self, value: Vector) -> None:
+        self._command[:] = checks.vector("command", value, 3)
 
     def __repr__(self) -> str:
         forward, left, turning = self.command.tolist()
@@ -199,7 +213,7 @@ class Preview:
     def _follow_command(self, step: float) -> None:
         """Let the velocity come to the command."""
         if self._function is not None:
-            self.command[:] = self._function(self._time)
+            self.command = checks.array("velocity", self._function(self._time), 3)
         for t, row in self._script:
             if t <= self._time:
                 self.command[:] = row

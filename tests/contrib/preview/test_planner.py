@@ -193,7 +193,7 @@ def test_plans_are_the_motion_of_their_forces():
 
 def test_it_is_for_quadrupeds_on_points():
     for name in ("bolt", "g1"):
-        with pytest.raises(hp.InputError, match="four legs of three joints"):
+        with pytest.raises(hp.InputError, match="four open legs of three joints"):
             Preview(hp.load_robot(name))
     for wrong in ({"mu": 0.0}, {"max_speed": -1.0}, {"velocity": (1.0,)}, {"gait": "hop"}):
         with pytest.raises(hp.InputError):
@@ -210,3 +210,15 @@ def test_a_command_beyond_the_motors_is_scaled_down():
     )
     assert run.ending == "completed"
     np.testing.assert_allclose(preview.applied, (0.8, 0.6, 0.0), atol=1e-9)
+
+
+def test_commands_and_friction_are_checked(go2):
+    preview = Preview(go2, (0.5, 0.0, 0.0))
+    preview.command = (1.0, 0.0, 0.2)
+    assert preview.command.tolist() == [1.0, 0.0, 0.2]
+    for bad in ((1.0, 0.0), (np.nan, 0.0, 0.0), "fast"):
+        with pytest.raises(hp.InputError, match="command"):
+            preview.command = bad
+    assert preview.command.tolist() == [1.0, 0.0, 0.2]
+    with pytest.raises(hp.InputError, match="a bound falls"):
+        Preview(go2, (0.5, 0.0, 0.0), gait="bound", mu=0.65)
