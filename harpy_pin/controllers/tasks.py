@@ -118,7 +118,7 @@ def measured_terms(
     return GOOD if possible_feet(g) else BAD
 
 
-@kernel
+@kernel(v="r.dynamics.bias")
 def set_tasks(
     r: TasksRecord, g: GaitTargetRecord, q: Vector, v: Vector, foot_force: Vector
 ) -> None:

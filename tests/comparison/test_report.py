@@ -244,7 +244,8 @@ def test_times_and_slips_meet_in_one_table(document: dict[str, Any]) -> None:
     assert len(table.rows) == len(CONTENDERS)
     qp = document["ticks"]["contenders"]["wbc"]
     assert table.number("whole-body QP, ProxQP", "tick, median") == qp["p50_us"]
-    assert qp["low_us"] <= qp["p50_us"] <= qp["high_us"]
+    rounding = 1.0 + 1e-12
+    assert qp["low_us"] <= qp["p50_us"] * rounding <= qp["high_us"] * rounding**2
     assert (
         table.number("whole-body QP, ProxQP", "slip per step")
         == document["campaign"]["whole"]["wbc"]["slip_mm_per_step"]["value"]

@@ -20,7 +20,7 @@ from harpy_pin.wbc.condensed import CondensedSolver, CondensedStatus
 
 ROTORS, ARM, DRAG, LIMIT = 6, 0.25, 0.016, (0.1, 8.0)
 MASS, GRAVITY = 1.5, 9.81
-FLYERS = [name for name, entry in CATALOGUE.items() if entry.rotors]
+FLYERS = [name for name, entry in CATALOGUE.items() if entry.rotors and not entry.feet]
 
 
 def hexarotor(folder, tilt):
