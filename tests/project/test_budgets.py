@@ -17,7 +17,7 @@ ROOT = Path(__file__).resolve().parents[2]
 CONTRIB = "harpy_pin/contrib/"
 STATEMENTS = {
     "harpy_pin": 26_280,
-    CONTRIB: 5_020,
+    CONTRIB: 5_030,
     "reproduction": 2_080,
     "comparison": 7_480,
     "tests": 28_550,
@@ -28,7 +28,7 @@ contrib.
 LONGEST_FILE = 350
 """Most statements of a file."""
 MOST_PUBLIC_NAMES = 73
-MOST_WORDS = 19_950
+MOST_WORDS = 20_000
 """Of prose in README, docs and notebooks, without tables, code, formulas and comments."""
 
 
