@@ -39,7 +39,8 @@ COUPLED = '<joint joint1="toe" joint2="knee" polycoef="0.1 0.5 0 0 0"/>'
 
 def mjcf(tmp_path, equality, actuators=""):
     path = tmp_path / "leg.xml"
-    text = f"{HEAD.format(AIR)}{GEOM}{KNEE}{TAIL.format(actuators)}<equality>{equality}</equality></mujoco>"
+    body = f"{HEAD.format(AIR)}{GEOM}{KNEE}{TAIL.format(actuators)}"
+    text = f"{body}<equality>{equality}</equality></mujoco>"
     path.write_text(text)
     return path
 
