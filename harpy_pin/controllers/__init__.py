@@ -1,31 +1,8 @@
-"""Controllers: anything with ``step(state) -> Command``."""
+"""Controllers: anything with ``step(state) -> Command``.
 
-from harpy_pin.controllers.condensed import CondensedController
-from harpy_pin.controllers.governed import GovernedController
-from harpy_pin.controllers.named_controllers import (
-    CONTROLLERS,
-    GOVERNORS,
-    make_controller,
-    make_governor,
-    make_governor_parameters,
-    make_parameters,
-)
-from harpy_pin.controllers.parameters import GovernedParameters, JointGains, WholeBodyParameters
-from harpy_pin.controllers.whole_body import WholeBodyController
-from harpy_pin.simulation.loop import Controller
+The names that ``__init__.pyi`` lists are imported when they are first used.
+"""
 
-__all__ = [
-    "CONTROLLERS",
-    "GOVERNORS",
-    "CondensedController",
-    "Controller",
-    "GovernedController",
-    "GovernedParameters",
-    "JointGains",
-    "WholeBodyController",
-    "WholeBodyParameters",
-    "make_controller",
-    "make_governor",
-    "make_governor_parameters",
-    "make_parameters",
-]
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -13,10 +13,11 @@ Each is a class that builds on the one before. They write C with ``code`` (an ex
 (lines, blocks, variables) and ``unit`` (a file). ``values`` and ``types`` say what an expression
 stands for. ``kernels`` is the decorator, ``entry_points`` and ``bridge`` are what Python calls,
 ``compiler`` and ``library_files`` make and keep it.
+
+The names that ``__init__.pyi`` lists are imported when they are first used, and the files that
+translate when something is translated.
 """
 
-from harpy_pin.kernels.kernels import Kernel, kernel
-from harpy_pin.kernels.numpy_functions import diagonal
-from harpy_pin.kernels.types import ByPrecision
+import lazy_loader
 
-__all__ = ["ByPrecision", "Kernel", "diagonal", "kernel"]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -10,10 +10,11 @@ from typing import Any
 
 import numpy as np
 
+from harpy_pin.kernels.additions import ByPrecision
 from harpy_pin.kernels.code import Code
 from harpy_pin.kernels.numpy_functions import NumpyFunctions
 from harpy_pin.kernels.source import Source
-from harpy_pin.kernels.types import BOOLEAN, INTEGER, REAL, ByPrecision
+from harpy_pin.kernels.types import BOOLEAN, INTEGER, REAL
 from harpy_pin.kernels.unit import CFunction, Unit
 from harpy_pin.kernels.values import (
     AnArray,

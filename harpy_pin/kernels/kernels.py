@@ -23,8 +23,8 @@ import numpy as np
 
 from harpy_pin.errors import KernelError
 from harpy_pin.kernels import compiler, library_files
+from harpy_pin.kernels.argument_types import argument_types
 from harpy_pin.kernels.bridge import DTYPES, Bound, Caller, Version, bridge, join
-from harpy_pin.kernels.entry_points import argument_types, entry_code
 from harpy_pin.kernels.shapes import Shape, check_shapes
 from harpy_pin.kernels.source import fingerprint, remember
 from harpy_pin.kernels.types import Array, Struct, Type
@@ -185,11 +185,7 @@ class Kernel(Caller, Generic[Result_co]):
             _translator(), code, f"{self.py_func.__module__}.{name}", repr(types)
         )
 
-        def source() -> str:
-            with _TRANSLATING:
-                return entry_code(self, types)
-
-        lib = library_files.library(name, key, source)
+        lib = library_files.library(name, key, lambda: _entry_code(self, types))
         told = json.loads(ctypes.c_char_p.in_dll(lib, "signature").value or b"{}")
         entry = ctypes.cast(lib.entry, ctypes.c_void_p).value
         named = dict(zip(self._names, types, strict=True))
@@ -202,7 +198,7 @@ class Kernel(Caller, Generic[Result_co]):
     def c_source(self, *arguments: Any, debug: bool = False) -> str:
         """The C that arguments like these make."""
         values = self._bind(tuple(_plain(value) for value in arguments), {})
-        return entry_code(self, argument_types(self, values), debug=debug, traced=False)
+        return _entry_code(self, argument_types(self, values), debug=debug, traced=False)
 
     def __reduce__(self) -> str:
         return self.py_func.__qualname__
@@ -239,6 +235,16 @@ _DTYPES = {dtype: dtype for dtype in DTYPES.values()}
 """The one of equal types of records that calls compare with; those that were pickled have
 others.
 """
+
+
+def _entry_code(
+    kernel: Kernel[Any], types: tuple[Type, ...], *, debug: bool = False, traced: bool = True
+) -> str:
+    """A kernel as C; only here the files that translate are imported."""
+    from harpy_pin.kernels.entry_points import entry_code
+
+    with _TRANSLATING:
+        return entry_code(kernel, types, debug=debug, traced=traced)
 
 
 def _plain(value: Any) -> Any:

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from harpy_pin.kernels.additions import diagonal
 from harpy_pin.kernels.arrays import Arrays, as_number, elsewhere, number_type
 from harpy_pin.kernels.code import Code, c
 from harpy_pin.kernels.numbers import COMPARISONS, LIBRARY, OF_TWO
@@ -282,11 +283,6 @@ class NumpyFunctions(Arrays):
         numbers = self.elementwise(lambda truth: self.cast(truth, INTEGER), array)
         found = self.joined(numbers, partial(self.calculation, operator), none, axis)
         return self.elementwise(lambda number: self.cast(number, BOOLEAN), found)
-
-
-def diagonal(matrix: Any) -> Any:
-    """The diagonal of a square matrix, as a part of it that can be written."""
-    return np.einsum("ii->i", matrix)
 
 
 def _of_numbers(function: Any) -> Callable[..., Value]:

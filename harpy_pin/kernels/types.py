@@ -38,20 +38,6 @@ KINDS = {"?": BOOLEAN, "l": INTEGER, "q": INTEGER, "d": REAL, "f": SINGLE}
 """Types of numbers by NumPy's letter."""
 
 
-class ByPrecision(float):
-    """A constant of a kernel's module that is another number where kernels compute in ``single``
-    precision.
-    """
-
-    single: float
-
-    def __new__(cls, double: float, *, single: float) -> ByPrecision:
-        """The number itself is that in double precision."""
-        made = super().__new__(cls, double)
-        made.single = single
-        return made
-
-
 @dataclass(frozen=True)
 class Nothing:
     """What a kernel without a result gives."""

@@ -22,7 +22,8 @@ from harpy_pin.governors import ExplicitReferenceGovernor, ForceRows
 from harpy_pin.governors.point_mass import Law, model_record
 from harpy_pin.ground.ground import Ground
 from harpy_pin.kernels import Kernel, kernel
-from harpy_pin.kernels.entry_points import argument_types, entry_code
+from harpy_pin.kernels.argument_types import argument_types
+from harpy_pin.kernels.entry_points import entry_code
 from harpy_pin.model.dynamics import dynamics_record
 from harpy_pin.model.kinematics import LegGeometry
 from harpy_pin.simulation.step import step_record

@@ -1,6 +1,8 @@
-"""A walk of any robot with two, four or six feet."""
+"""A walk of any robot with two, four or six feet.
 
-from harpy_pin.gaits.walking.parameters import WalkingParameters
-from harpy_pin.gaits.walking.walking_gait import WalkingGait
+The names that ``__init__.pyi`` lists are imported when they are first used.
+"""
 
-__all__ = ["WalkingGait", "WalkingParameters"]
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -1,14 +1,9 @@
 """The condensed whole-body optimum: accelerations eliminated, and one equation in six unknowns for
 the forces.
+
+The names that ``__init__.pyi`` lists are imported when they are first used.
 """
 
-from harpy_pin.wbc.condensed.condensed_solver import CondensedSolver, CondensedStatus
-from harpy_pin.wbc.condensed.whole_body import WholeBodySolution, WholeBodySolver, WholeBodyStatus
+import lazy_loader
 
-__all__ = [
-    "CondensedSolver",
-    "CondensedStatus",
-    "WholeBodySolution",
-    "WholeBodySolver",
-    "WholeBodyStatus",
-]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
