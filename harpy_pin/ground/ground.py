@@ -25,8 +25,9 @@ from harpy_pin.errors import InputError, shown
 from harpy_pin.ground.surface import TerrainRecord, flat_terrain
 from harpy_pin.ground.terrain import Plane, Terrain, read_terrain
 from harpy_pin.kernels import kernel
+from harpy_pin.model.catalogue import HARPY_FEET, HARPY_THRUSTERS
 from harpy_pin.model.record import RecordOf, Records, make_record
-from harpy_pin.model.robot import HARPY_FEET, HARPY_THRUSTERS, Robot
+from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
 
 CONES = ("circular", "per_axis")
