@@ -93,7 +93,8 @@ def load_robot(
         thrust_limit: largest magnitude of one free thruster's force, N.
         rotors: thrusters with a fixed axis.
         posture: (joints,) angles in which it stands, rad; those of the file or the catalogue by
-            default. Where there are none, gaits find one (:func:`harpy_pin.model.ik.find_posture`).
+            default. Where there are none, gaits find one
+            (:func:`harpy_pin.model.posture.find_posture`).
         joints: file of ``harpy identify`` with their armature, damping and dry friction, see
             :meth:`Robot.with_joints`.
         loops: (frame, frame, kind) of each closed loop of a URDF; the origins of the two frames are
