@@ -27,7 +27,7 @@ from comparison.sections.ticks import (
 from comparison.sections.timing import time_contenders
 from harpy_pin import checks, measure
 from harpy_pin.files import finite
-from harpy_pin.model.robot import load_harpy
+from harpy_pin.model.loading import load_harpy
 
 FRICTION = 0.25
 """The paper's friction coefficient."""

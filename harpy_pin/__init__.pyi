@@ -22,7 +22,8 @@ from .log.measures import measure
 from .log.run import Run
 from .model.dynamics import Dynamics
 from .model.flat_foot import FlatFoot
-from .model.robot import Robot, load_harpy, load_robot, robots
+from .model.loading import load_harpy, load_robot, robots
+from .model.robot import Robot
 from .model.rotor import Rotor
 from .model.state import Command, State
 from .scenario import (

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from difflib import get_close_matches
 from importlib.metadata import requires
 from pathlib import Path
@@ -29,6 +29,12 @@ def reason(error: Exception) -> str:
         if isinstance(error, HarpyError)
         else f"{type(error).__name__}: {error}".removesuffix(": ")
     )
+
+
+def first_of(names: Sequence[str], most: int = 1) -> str:
+    """The first of some names, and how many more there are."""
+    more = f" and {len(names) - most} more" if len(names) > most else ""
+    return f"{', '.join(names[:most])}{more}"
 
 
 class HarpyError(Exception):

@@ -43,7 +43,7 @@ def paper(
     code 0 only if every number was produced.
     """
     checks.ticks(checks.number("duration", duration, low=0.1), 1e-3)
-    from harpy_pin.model.robot import load_harpy
+    from harpy_pin.model.loading import load_harpy
     from reproduction.report import numbers_of, reproduce, write_report
 
     if json is not None:
@@ -199,7 +199,7 @@ def gait(
     checks.whole("seed", seed, high=2**32 - 1)
     checks.whole("budget", budget, low=1, high=10**9)
     from harpy_pin.gaits import GaitParameters
-    from harpy_pin.model.robot import load_harpy
+    from harpy_pin.model.loading import load_harpy
     from reproduction.gait.optimise import optimise_gait
     from reproduction.gait.planar_gait import PlanarGait, load_gait
     from reproduction.gait.planar_model import PlanarModel

@@ -17,7 +17,8 @@ from harpy_pin.governors.rows import ForceRows
 from harpy_pin.ground.ground import Ground
 from harpy_pin.log.measures import Measures, measure
 from harpy_pin.log.run import Run
-from harpy_pin.model.robot import Robot, load_harpy
+from harpy_pin.model.loading import load_harpy
+from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import State, Vector
 from harpy_pin.model.terms import body_rotation
 from harpy_pin.scenario import Governed, Scenario, walk

@@ -63,7 +63,7 @@ def robots() -> None:
     are not known.
     """
     from harpy_pin.model.catalogue import installed_data
-    from harpy_pin.model.robot import robots as known_robots
+    from harpy_pin.model.loading import robots as known_robots
 
     installed = installed_data()
     found = (

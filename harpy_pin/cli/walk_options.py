@@ -90,7 +90,7 @@ def read_robot_options(
 ) -> str | Robot:
     """The robot of the options: its name where it is known, else read from its file."""
     from harpy_pin.model.catalogue import catalogue_robot
-    from harpy_pin.model.robot import load_robot
+    from harpy_pin.model.loading import load_robot
     from harpy_pin.model.source import named_robot
 
     if feet is None and posture is None and flat_feet is None and not Path(robot).suffix:

@@ -17,8 +17,8 @@ from harpy_pin.errors import InputError
 from harpy_pin.gaits.fitting import standing_parameters
 from harpy_pin.gaits.gait import LONGEST, ClockGait, GaitTargetRecord
 from harpy_pin.kernels import kernel
-from harpy_pin.model.ik import LEVEL, find_posture
 from harpy_pin.model.posed import Posed
+from harpy_pin.model.posture import LEVEL, find_posture
 from harpy_pin.model.record import RecordOf, field, make_record, sized
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
@@ -192,7 +192,8 @@ class Standing(Staying, constant=True):
 
     Args:
         robot: any robot with feet, points or flat feet.
-        posture: (joints,) angles, rad; by default as :func:`harpy_pin.model.ik.find_posture` says.
+        posture: (joints,) angles, rad; by default as
+            :func:`harpy_pin.model.posture.find_posture` says.
         shift: (3,) how far the body goes, world axes, m.
         shift_period: there and back, s.
         penetration_offset: how much deeper than the ground an unloaded foot aims, m: without it

@@ -75,8 +75,7 @@ def in_contact_frames(normal: Vector, vectors: Vector) -> Vector:
     (feet, 3).
     """
     frames = np.zeros((len(normal), 3, 3))
-    for (x, y, z), frame in zip(normal.tolist(), frames, strict=True):
-        contact_frame(x, y, z, frame)
+    contact_frames(normal, frames)
     turned: Vector = np.einsum("kij,ki->kj", frames, vectors)
     return turned
 

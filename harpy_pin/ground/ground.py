@@ -25,8 +25,9 @@ from harpy_pin.errors import InputError, shown
 from harpy_pin.ground.surface import TerrainRecord, flat_terrain
 from harpy_pin.ground.terrain import Plane, Terrain, read_terrain
 from harpy_pin.kernels import kernel
+from harpy_pin.model.catalogue import HARPY_FEET, HARPY_THRUSTERS
 from harpy_pin.model.record import RecordOf, Records, make_record
-from harpy_pin.model.robot import HARPY_FEET, HARPY_THRUSTERS, Robot
+from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
 
 CONES = ("circular", "per_axis")
@@ -112,23 +113,19 @@ class Ground:
         stiffness = checks.number(
             "ground stiffness", self.stiffness, low=0.0, high=MAX_STIFFNESS, strict=True
         )
-        stiffness, damping = (
-            self.stiffness if isinstance(self.stiffness, Unset) else stiffness,
-            self.damping,
-        )
-        damping = (
-            type(stiffness)(_DAMPING * math.sqrt(stiffness / _STIFFNESS))
-            if damping is None
-            else damping
-        )
+        if isinstance(self.stiffness, Unset):
+            stiffness = self.stiffness
+        damping = self.damping
+        if damping is None:
+            damping = type(stiffness)(_DAMPING * math.sqrt(stiffness / _STIFFNESS))
+        elif not isinstance(damping, Unset):
+            damping = checks.number("ground damping", damping, low=0.0)
         mu_s = checks.number("friction mu_s", self.mu_s, low=0.0, high=checks.MAX_FRICTION)
         mu_c = _RATIO * mu_s if self.mu_c is None else self.mu_c
         checks.keep(
             self,
             stiffness=stiffness,
-            damping=damping
-            if isinstance(damping, Unset)
-            else checks.number("ground damping", damping, low=0.0),
+            damping=damping,
             mu_s=mu_s,
             mu_c=checks.number("friction mu_c", mu_c, low=0.0, high=mu_s),
             mu_v=checks.number("viscous friction mu_v", self.mu_v, low=0.0),
@@ -137,12 +134,13 @@ class Ground:
             ),
         )
         checks.one_of("friction cone", self.cone, CONES)
-        checks.keep(self, slope=Plane(slope=self.slope).slope)
-        for name, most in (("friction", checks.MAX_FRICTION), ("stiffness", MAX_STIFFNESS)):
-            checks.keep(
-                self,
-                **{f"{name}_strips": _checked_strips(name, getattr(self, f"{name}_strips"), most)},
-            )
+        most = checks.MAX_FRICTION
+        checks.keep(
+            self,
+            slope=Plane(slope=self.slope).slope,
+            friction_strips=_checked_strips("friction", self.friction_strips, most),
+            stiffness_strips=_checked_strips("stiffness", self.stiffness_strips, MAX_STIFFNESS),
+        )
         if self.terrain is not None:
             checks.keep(self, terrain=read_terrain(self.terrain))
             if self.slope != 0.0:

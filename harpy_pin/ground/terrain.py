@@ -114,12 +114,10 @@ class Plane(Terrain):
     above: float = 0.0
 
     def __post_init__(self) -> None:
-        checks.keep(self, slope=checks.number("slope", self.slope, low=-STEEPEST, high=STEEPEST))
-        checks.keep(
-            self, heading=checks.number("heading of the slope", self.heading, low=-10.0, high=10.0)
-        )
         checks.keep(
             self,
+            slope=checks.number("slope", self.slope, low=-STEEPEST, high=STEEPEST),
+            heading=checks.number("heading of the slope", self.heading, low=-10.0, high=10.0),
             above=checks.number(
                 "height of the plane at the origin", self.above, low=-1e6, high=1e6
             ),
@@ -151,10 +149,10 @@ class Ramp(Terrain):
     length: float = 2.0
 
     def __post_init__(self) -> None:
-        checks.keep(self, slope=checks.number("slope", self.slope, low=-STEEPEST, high=STEEPEST))
-        checks.keep(self, start=checks.number("start of the ramp", self.start, low=-1e6, high=1e6))
         checks.keep(
             self,
+            slope=checks.number("slope", self.slope, low=-STEEPEST, high=STEEPEST),
+            start=checks.number("start of the ramp", self.start, low=-1e6, high=1e6),
             length=checks.number("length of the ramp", self.length, low=0.0, high=1e6, strict=True),
         )
 
@@ -187,16 +185,14 @@ class Stairs(Terrain):
     edge: float = 0.01
 
     def __post_init__(self) -> None:
-        checks.keep(self, rise=checks.number("rise of a step", self.rise, low=-1.0, high=1.0))
+        depth = checks.number("depth of a step", self.depth, low=0.0, high=1e3, strict=True)
         checks.keep(
-            self, depth=checks.number("depth of a step", self.depth, low=0.0, high=1e3, strict=True)
-        )
-        checks.keep(self, steps=checks.whole("steps", self.steps, low=1, high=MAX_PIECES // 2))
-        checks.keep(
-            self, start=checks.number("start of the stairs", self.start, low=-1e6, high=1e6)
-        )
-        checks.keep(
-            self, edge=checks.number("edge of a step", self.edge, low=1e-4, high=0.5 * self.depth)
+            self,
+            rise=checks.number("rise of a step", self.rise, low=-1.0, high=1.0),
+            depth=depth,
+            steps=checks.whole("steps", self.steps, low=1, high=MAX_PIECES // 2),
+            start=checks.number("start of the stairs", self.start, low=-1e6, high=1e6),
+            edge=checks.number("edge of a step", self.edge, low=1e-4, high=0.5 * depth),
         )
 
     def _parts(self) -> dict[str, Any]:
@@ -250,12 +246,15 @@ class HeightField(Terrain):
                 name="heights",
                 value=self.heights,
             )
-        checks.keep(self, heights=tuple(tuple(row) for row in heights.tolist()))
         resolution = checks.number("resolution", self.resolution, low=1e-3, high=1e3)
-        checks.keep(self, resolution=resolution)
         middle = tuple(-0.5 * resolution * (n - 1) for n in heights.shape)
         corner = middle if self.corner is None else self.corner
-        checks.keep(self, corner=tuple(checks.vector("corner", corner, 2).tolist()))
+        checks.keep(
+            self,
+            heights=tuple(tuple(row) for row in heights.tolist()),
+            resolution=resolution,
+            corner=tuple(checks.vector("corner", corner, 2).tolist()),
+        )
 
     def _parts(self) -> dict[str, Any]:
         heights = np.array(self.heights)
@@ -281,11 +280,12 @@ class Rough(Terrain):
     seed: int = 0
 
     def __post_init__(self) -> None:
-        checks.keep(self, amplitude=checks.number("amplitude", self.amplitude, low=0.0, high=1.0))
         checks.keep(
-            self, resolution=checks.number("resolution", self.resolution, low=1e-3, high=1e3)
+            self,
+            amplitude=checks.number("amplitude", self.amplitude, low=0.0, high=1.0),
+            resolution=checks.number("resolution", self.resolution, low=1e-3, high=1e3),
+            seed=checks.whole("seed", self.seed, low=0),
         )
-        checks.keep(self, seed=checks.whole("seed", self.seed, low=0))
 
     def _parts(self) -> dict[str, Any]:
         if self.amplitude == 0.0:

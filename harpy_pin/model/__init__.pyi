@@ -4,7 +4,8 @@ from .catalogue import CATALOGUE, CatalogueRobot
 from .dynamics import Dynamics
 from .ik import IKResult, IKStatus, solve_ik
 from .kinematics import LegGeometry, leg_inverse_kinematics
-from .robot import KnownRobot, Robot, harpy_urdf, load_harpy, load_robot, robots
+from .loading import KnownRobot, harpy_urdf, load_harpy, load_robot, robots
+from .robot import Robot
 from .state import Command, State, Vector
 
 __all__ = [

@@ -39,6 +39,9 @@ from harpy_pin.model.rotor import Rotor
 from harpy_pin.model.state import Vector
 
 DATA = "cmeel.prefix/share/example-robot-data/robots"
+HARPY_FEET = ("left_foot", "right_foot")
+HARPY_THRUSTERS = ("left_thruster", "right_thruster")
+HARPY_THRUST_LIMIT = 53.0  # hardware limit of one thruster, N (equations.md §3)
 
 
 @dataclass(frozen=True)
@@ -54,7 +57,7 @@ class CatalogueRobot:
         flat_feet: the feet that are flat.
         rotors: thrusters with a fixed axis.
         facing: yaw of the direction in which it faces, about the axes of its base, rad.
-        loops: closed loops, as of :func:`~harpy_pin.model.robot.load_robot`.
+        loops: closed loops, as of :func:`~harpy_pin.model.loading.load_robot`.
     """
 
     file: str

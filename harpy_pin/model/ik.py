@@ -1,15 +1,10 @@
-"""Iterative inverse kinematics on Pinocchio, for any robot and frames, and standing postures by it.
-
-A posture is found for robots whose files have none: legs bent, every foot below its hip, all feet
-on one level.
-"""
+"""Iterative inverse kinematics on Pinocchio, for any robot and frames."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from enum import Enum
-from itertools import pairwise
 
 import numpy as np
 import pinocchio as pin
@@ -18,29 +13,11 @@ from numpy.typing import ArrayLike
 from harpy_pin import checks
 from harpy_pin.arguments import checked
 from harpy_pin.errors import InputError
-from harpy_pin.model.legs import Leg, legs
 from harpy_pin.model.posed import Posed
 from harpy_pin.model.robot import Robot, configuration
 from harpy_pin.model.state import Vector
 
-BENT, SOLE_BENT = (0.75, 0.85, 0.65, 0.92), (0.92, 0.85, 0.75)
-"""Heights of the hips above point feet and soles that are tried one after the other, in lengths of
-the leg.
-"""
-STARTS, ITERATIONS, CLOSE = 12, 60, 1e-6
-"""Configurations from which each leg's inverse kinematics begins, its steps from each, at most, and
-its error, m.
-"""
 STALLED = 1e12  # damping from which on steps are none
-UPRIGHT = 0.7
-"""Cosine of the angle between the normal of a sole and the vertical, below which a message says
-it.
-"""
-LEVEL = 2e-3  # largest difference between the heights of the feet in a posture, m
-BACKWARD = 0.1
-"""Of postures alike in their angles the one with the knees further back is taken, in rad² per
-metre.
-"""
 
 
 class IKStatus(Enum):
@@ -106,7 +83,7 @@ def solve_ik(
     """
     if not targets:
         raise InputError("solve_ik needs at least one target", name="targets")
-    problem = _Problem(robot, targets)
+    problem = Problem(robot, targets)
     start = problem.bounded(configuration(robot, q))
     best = problem.descend(start, tolerance=tolerance, max_iterations=max_iterations)
     rng, tried = np.random.default_rng(checks.whole("seed", seed)), best.iterations
@@ -121,12 +98,17 @@ def solve_ik(
     return IKResult(best.q, best.status, best.error, tried)
 
 
-class _Problem:
-    """Errors, Jacobian and limits of one inverse kinematics."""
+class Problem:
+    """Errors, Jacobian and limits of one inverse kinematics.
+
+    Attributes:
+        lower: of the configuration's joints, within which they stay.
+        upper: likewise.
+    """
 
     def __init__(self, robot: Robot, targets: Mapping[str, pin.SE3 | ArrayLike]) -> None:
         self.robot, self.data = robot, robot.model.createData()
-        self._lower, self._upper = robot.joint_lower, robot.joint_upper
+        self.lower, self.upper = robot.joint_lower, robot.joint_upper
         self._tasks: list[tuple[str, pin.SE3 | None, Vector]] = []
         for name, target in targets.items():
             pose = target if isinstance(target, pin.SE3) else None
@@ -144,15 +126,23 @@ class _Problem:
     def bounded(self, q: Vector) -> Vector:
         """A configuration with its joints moved within their limits."""
         clipped = q.copy()
-        clipped[7:] = np.clip(clipped[7:], self._lower, self._upper)
+        clipped[7:] = np.clip(clipped[7:], self.lower, self.upper)
         return clipped
 
-    def draw(self, q: Vector, rng: np.random.Generator) -> Vector:
-        """A configuration with the joints that move a target drawn within their limits (±π where
-        there are none).
+    @property
+    def ranges(self) -> tuple[Vector, Vector]:
+        """Least and largest angles that are drawn: of ±π those within the limits, or the next turn
+        where the limits are beyond it.
         """
+        lower, upper, turn = self.lower, self.upper, 2.0 * np.pi
+        low = np.where(upper < -np.pi, np.maximum(lower, upper - turn), np.maximum(lower, -np.pi))
+        high = np.where(lower > np.pi, np.minimum(upper, lower + turn), np.minimum(upper, np.pi))
+        return low, high
+
+    def draw(self, q: Vector, rng: np.random.Generator) -> Vector:
+        """A configuration with the joints that move a target drawn from :attr:`ranges`."""
         drawn = q.copy()
-        joints = rng.uniform(*_drawn(self._lower, self._upper))
+        joints = rng.uniform(*self.ranges)
         drawn[7:][self._moving] = joints[self._moving]
         return self.bounded(drawn)
 
@@ -195,8 +185,8 @@ class _Problem:
         while (norm := float(np.linalg.norm(residual))) > tolerance and iterations < max_iterations:
             full = self.jacobian(current)
             slope, joints = (full.T @ residual)[6:], current[7:]
-            held = ((joints <= self._lower) & (slope > 0.0)) | (
-                (joints >= self._upper) & (slope < 0.0)
+            held = ((joints <= self.lower) & (slope > 0.0)) | (
+                (joints >= self.upper) & (slope < 0.0)
             )
             active = np.append(np.zeros(6, dtype=bool), ~held)
             reduced, improved = full[:, active], False
@@ -215,128 +205,3 @@ class _Problem:
                 current, residual = candidate, trial
         status = IKStatus.CONVERGED if norm <= tolerance else IKStatus.MAX_ITERATIONS
         return IKResult(current, status, norm, iterations)
-
-
-def _drawn(lower: Vector, upper: Vector) -> tuple[Vector, Vector]:
-    """Ranges within limits from which angles are drawn: of ±π, or the next turn where the limits
-    are beyond it.
-    """
-    turn = 2.0 * np.pi
-    low = np.where(upper < -np.pi, np.maximum(lower, upper - turn), np.maximum(lower, -np.pi))
-    return low, np.where(lower > np.pi, np.minimum(upper, lower + turn), np.minimum(upper, np.pi))
-
-
-@checked
-def find_posture(robot: Robot) -> Vector:
-    """(joints,) angles in which a robot with feet stands, rad.
-
-    They are those that were given; its file's, if its feet are on one level. Otherwise feet are
-    below the hips, of sprawling legs below the knees as these are at zero; soles are level, and
-    joints of no leg at zero or the next limit. An :class:`InputError` says that no such posture was
-    found, and why it may be.
-    """
-    model, q = robot.model, robot.neutral
-    if robot.posture is not None:
-        q[7:] = robot.posture
-        posed = Posed(robot, q)
-        heights = [posed.frame(name).translation[2] for name in robot.feet]
-        if np.ptp(heights) < LEVEL or "posture" in robot.source:
-            return robot.posture
-    q[7:] = np.clip(robot.reference[7:], robot.joint_lower, robot.joint_upper)
-    posed, found = Posed(robot, q), legs(robot)
-    hip, length, target = np.empty((len(found), 3)), np.empty(len(found)), []
-    for k, leg in enumerate(found):
-        corners = [posed.frame(name) for name in leg.points]
-        middle = np.mean([corner.translation for corner in corners], axis=0)
-        below = leg.joints[leg.knee :] if leg.sprawls else leg.way
-        points = [*(posed.joint(j) for j in below), middle]
-        hip[k], length[k] = (
-            points[0],
-            sum(float(np.linalg.norm(b - a)) for a, b in pairwise(points)),
-        )
-        turn = pin.Quaternion.FromTwoVectors(
-            corners[0].rotation[:, 2], np.array((0.0, 0.0, 1.0))
-        ).matrix()
-        aside = hip[k, 1] if leg.sprawls else middle[1]
-        place = np.array((hip[k, 0], aside, 0.0)) + turn @ (corners[0].translation - middle)
-        target.append(pin.SE3(turn @ corners[0].rotation, place))
-    for bent in SOLE_BENT if robot.flat_feet else BENT:
-        posture, down = (
-            q.copy(),
-            pin.SE3(np.eye(3), np.array((0.0, 0.0, (hip[:, 2] - bent * length).max()))),
-        )
-        pairs = zip(found, target, strict=True)
-        if all(leg.joints and _bend(robot, q, leg, down * end, posture) for leg, end in pairs):
-            return np.array(posture[7:])
-    message = (
-        f"no standing posture of '{robot.name}' was found: give one, of {len(robot.joints)} angles"
-    )
-    message = f"{message} in the order of robot.joints"
-    up = [posed.frame(leg.points[0]).rotation[2, 2] for leg in found if len(leg.points) > 1]
-    if min(up, default=1.0) < UPRIGHT:
-        message += "; its soles do not face the ground at zero: a FlatFoot has an orientation"
-    lame = [leg.points[0] for leg in found if not leg.joints]
-    if lame:
-        message += f"; no joint moves '{lame[0]}' alone"
-    hub = next((leg for leg in found if leg.hub), None)
-    if hub is not None:
-        message += (
-            f"; '{hub.points[0]}' is on the axis of '{model.names[hub.joints[-1]]}', which "
-            f"cannot move it: "
-        )
-        message += "a foot is at the end of its leg"
-    still = np.flatnonzero(robot.joint_lower == robot.joint_upper)
-    fixed = [robot.joints[k - 6] for leg in found for k in leg.columns if k - 6 in still]
-    if fixed:
-        message += f"; {len(fixed)} joints of its legs have no range, such as '{fixed[0]}'"
-    raise InputError(message, name="posture")
-
-
-def _bend(robot: Robot, q: Vector, leg: Leg, end: pin.SE3, posture: Vector) -> bool:
-    """Set the angles of a leg in a posture so that its first contact point is at a place, that of a
-    sole turned as it is there; whether that is in reach. Joints of no leg stay as in q.
-    """
-    model, places = robot.model.copy(), robot.places
-    rng, least, own = np.random.default_rng(0), np.inf, [k - 6 for k in leg.columns]
-    columns = [int(place) for place in robot.layout[0][own]]
-    others = np.setdiff1d(np.arange(len(places)), own)
-    model.lowerPositionLimit[places[others]] = q[robot.layout[0][others]]
-    model.upperPositionLimit[places[others]] = q[robot.layout[0][others]]
-    robot, targets = (
-        replace(robot, model=model),
-        {leg.points[0]: end if len(leg.points) > 1 else end.translation},
-    )
-    low, high = (np.append(np.zeros(7), x) for x in _drawn(robot.joint_lower, robot.joint_upper))
-    for _ in range(STARTS):
-        start = q.copy()
-        start[columns] = rng.uniform(low[columns], high[columns])
-        found = solve_ik(
-            robot, targets, start, tolerance=CLOSE, max_iterations=ITERATIONS, restarts=0
-        )
-        if not found.converged:
-            continue
-        knee = Posed(robot, found.q).joint(leg.way[-1])
-        cost = float(np.sum(found.q[columns] ** 2)) + BACKWARD * float(knee[0])
-        if cost < least:
-            least, posture[columns] = cost, found.q[columns]
-    if least < np.inf and len(columns) > (6 if len(leg.points) > 1 else 3):
-        _straighten(_Problem(robot, targets), posture, columns, list(leg.columns))
-    return least < np.inf
-
-
-def _straighten(problem: _Problem, posture: Vector, columns: list[int], moving: list[int]) -> None:
-    """Of a leg with more joints than its foot needs, move them to the least angles that leave the
-    foot where it is.
-
-    So legs that mirror each other have postures that do: of all that reach, drawn configurations
-    find any.
-    """
-    for _ in range(ITERATIONS):
-        jacobian, angles = problem.jacobian(posture)[:, moving], posture[columns]
-        nearer = posture.copy()
-        nearer[columns] = np.linalg.pinv(jacobian) @ (jacobian @ angles)
-        found = problem.descend(problem.bounded(nearer), tolerance=CLOSE, max_iterations=ITERATIONS)
-        less = np.linalg.norm(found.q[columns]) < np.linalg.norm(angles)
-        if not (found.converged and less):
-            return
-        posture[columns] = found.q[columns]

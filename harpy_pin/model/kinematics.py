@@ -134,11 +134,14 @@ def _parallelogram(robot: Robot, foot: str, chain: list[int]) -> LegGeometry | N
     )
 
 
-class LegRecord(RecordOf, LegGeometry):
+class LegRecord(RecordOf):
     """Lengths of a leg: the attributes of :class:`LegGeometry`."""
 
-    hip: Vector  # type: ignore[assignment]  # an array to kernels
-    zero: Vector  # type: ignore[assignment]
+    hip: Vector
+    offset: float
+    upper: float
+    lower: float
+    zero: Vector
 
 
 @kernel(angles=(3,), out=(3, 3))

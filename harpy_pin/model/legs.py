@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
-from harpy_pin.model.robot import Robot
-from harpy_pin.model.tree import feet_moved, tree_record
+from harpy_pin.model.robot import Robot, feet_moved
+from harpy_pin.model.tree import tree_record
 
 PARALLEL = 0.9
 """Least cosine of the angle between the axes of hip and knee."""

@@ -1,12 +1,11 @@
-"""The robot: a Pinocchio model with named feet, thruster mounts, rotors and limits."""
+"""The robot: a Pinocchio model with named feet, thruster mounts, rotors and limits.
+
+:mod:`harpy_pin.model.loading` makes it of a file.
+"""
 
 from __future__ import annotations
 
-import os
-import re
-import warnings
 from collections.abc import Mapping, Sequence
-from copy import deepcopy
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -17,44 +16,39 @@ from numpy.typing import ArrayLike, NDArray
 
 from harpy_pin import checks
 from harpy_pin.arguments import checked
-from harpy_pin.errors import InputError, RobotError, shown
-from harpy_pin.model.catalogue import (
-    CATALOGUE,
-    CatalogueRobot,
-    catalogue_robot,
-    installed_data,
-    known_name,
-    own_urdf,
-)
-from harpy_pin.model.flat_foot import FlatFoot, add_flat_feet
-from harpy_pin.model.known_joints import KnownJoints, read_joints
-from harpy_pin.model.loops import Loops, driven_supports, find_loops, read_loops, start_angles
-from harpy_pin.model.mjcf import (
-    Description,
-    compile_mjcf,
-    find_joints,
-    free_joint,
-    is_model,
-    known_joints,
-    named,
-    peak_torques,
-    read_mujoco,
-)
-from harpy_pin.model.mjcf_options import in_effect
+from harpy_pin.errors import InputError, shown
+from harpy_pin.model.loops import Loops, driven_supports
 from harpy_pin.model.rotor import Rotor
 from harpy_pin.model.state import Vector
-from harpy_pin.model.tree import feet_moved
-from harpy_pin.model.urdf import build_model, find_soles, read_xml, robot_errors
 
-HARPY_FEET = ("left_foot", "right_foot")
-HARPY_THRUSTERS = ("left_thruster", "right_thruster")
-HARPY_THRUST_LIMIT = 53.0  # hardware limit of one thruster, N (equations.md §3)
 SOLE_JOINTS = 5
 """Least number of joints of a leg whose foot is found to be flat: fewer cannot keep it level."""
 ANY_DIRECTION = 0.1
 """Rotors push in any direction where the least singular value of their axes is above this share of
 the largest.
 """
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class KnownJoints:
+    """Armature, damping and dry friction of joints; NaN where they are not known.
+
+    Attributes:
+        names: of the joints.
+        armature: (joints,) inertia of the motors' rotors at the joints, kg·m².
+        damping: (joints,) viscous friction, N·m·s/rad.
+        friction: (joints,) dry friction, N·m. Arrays are read only.
+    """
+
+    names: tuple[str, ...]
+    armature: Vector
+    damping: Vector
+    friction: Vector
+
+    def __post_init__(self) -> None:
+        for array in vars(self).values():
+            if isinstance(array, np.ndarray):
+                array.flags.writeable = False
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -376,14 +370,16 @@ class Robot:
         Raises:
             InputError: the model has no free joint, lacks a joint, or has two of its name.
         """
-        joints = find_joints(model, [prefix + name for name in self.joints])
-        model = in_effect(model)
-        first = model.jnt_dofadr[free_joint(model, joints)]
-        known: dict[str, Any] = known_joints(model, joints)
+        from harpy_pin.model import mjcf, mjcf_options  # which most robots do without
+
+        joints = mjcf.find_joints(model, [prefix + name for name in self.joints])
+        model = mjcf_options.in_effect(model)
+        first = model.jnt_dofadr[mjcf.free_joint(model, joints)]
+        known: dict[str, Any] = mjcf.known_joints(model, joints)
         robot, limit = self.with_joints(**known), np.array(self.model.effortLimit)
         armature, columns = np.array(robot.model.armature), self.columns
         armature[:6] = model.dof_armature[first : first + 6]
-        limit[columns] = np.minimum(limit[columns], peak_torques(model, joints))
+        limit[columns] = np.minimum(limit[columns], mjcf.peak_torques(model, joints))
         return robot.with_arrays({"armature": armature, "effortLimit": limit})
 
     def with_arrays(self, arrays: Mapping[str, Vector]) -> Robot:
@@ -416,205 +412,6 @@ class Robot:
         return int(self.model.getFrameId(name))
 
 
-def harpy_urdf() -> Path:
-    """Path of Harpy's URDF: beside the package once installed, at the top of a checkout
-    otherwise.
-    """
-    return own_urdf("harpy.urdf")
-
-
-def load_harpy(urdf: str | Path | None = None) -> Robot:
-    """Harpy, or a variant of it in another file with the same frame names.
-
-    Args:
-        urdf: a URDF with Harpy's feet and thruster frames; the packaged one by default.
-
-    Raises:
-        RobotError: the file is missing or malformed, or lacks a foot or a thruster.
-    """
-    return load_robot(
-        harpy_urdf() if urdf is None else checks.path("urdf", urdf),
-        feet=HARPY_FEET,
-        thrusters=HARPY_THRUSTERS,
-        thrust_limit=HARPY_THRUST_LIMIT,
-    )
-
-
-def load_robot(
-    urdf: str | Path | Any,
-    *,
-    feet: Sequence[str] | None = None,
-    flat_feet: Mapping[str, FlatFoot] | None = None,
-    thrusters: Sequence[str] = (),
-    thrust_limit: float = np.inf,
-    rotors: Sequence[Rotor] | None = None,
-    posture: ArrayLike | None = None,
-    joints: str | Path | None = None,
-    loops: Sequence[tuple[str, str, str]] = (),
-) -> Robot:
-    """Any floating-base robot, with point feet, flat ones or none, and with thrusters or rotors.
-
-    Args:
-        urdf: path of the URDF, or of an MJCF file, which MuJoCo compiles
-            (:mod:`harpy_pin.model.mjcf`), and whose keyframe ``home`` is the standing posture; or a
-            ``mujoco.MjModel``; or the name of a robot of
-            :data:`~harpy_pin.model.catalogue.CATALOGUE`, such as ``"solo12"``, whose files are the
-            extra ``robots``. Its feet, its standing posture and its rotors are known.
-        feet: frame names of the feet, in an MJCF file bodies, sites or geoms; () for none.
-        flat_feet: the feet of these frames are flat; the others are points. Their corners take the
-            place of the frame in :attr:`Robot.feet`. A robot known by name has its own, unless
-            ``feet`` or ``flat_feet`` are given. Of legs of five joints or more soles are found,
-            unless they are given: in an MJCF file of the lowest boxes, capsules and spheres that
-            collide, in a URDF of boxes (:func:`harpy_pin.model.flat_foot.find_sole`); {} for none.
-        thrusters: frame names of the mounts of free thrusters, which push in any direction.
-        thrust_limit: largest magnitude of one free thruster's force, N.
-        rotors: thrusters with a fixed axis.
-        posture: (joints,) angles in which it stands, rad; those of the file or the catalogue by
-            default. Where there are none, gaits find one (:func:`harpy_pin.model.ik.find_posture`).
-        joints: file of ``harpy identify`` with their armature, damping and dry friction, see
-            :meth:`Robot.with_joints`.
-        loops: (frame, frame, kind) of each closed loop of a URDF; the origins of the two frames are
-            one ``"point"``, or as far apart as at zero angles, ``"length"``, as the ends of a rod.
-            Joints of effort 0 on the way round follow the others. Loops of an MJCF file are those
-            that it has.
-
-    A joint whose effort is zero in the file has no known one: it is warned of, and has no limit.
-
-    Raises:
-        RobotError: a frame is absent, the robots of the catalogue are not installed, loops do not
-            close where the robot stands, or as :func:`harpy_pin.model.urdf.build_model`.
-        InputError: the name is unknown, a file comes without feet, a flat foot is no foot, or the
-            thrust limit is not positive.
-    """
-    if not isinstance(thrust_limit, float) or thrust_limit != np.inf:
-        thrust_limit = checks.number("thrust_limit", thrust_limit, low=0.0, strict=True)
-    if isinstance(loops, str) or not isinstance(loops, Sequence):
-        message = f"loops must be a tuple of (frame, frame, kind), got {shown(loops)}"
-        raise InputError(message, name="loops", value=loops)
-    listed = None if is_model(urdf) else catalogue_robot(urdf)
-    known = listed or CatalogueRobot("", (), {})
-    path = None if is_model(urdf) else known.path() if listed else checks.path("urdf", urdf)
-    told: dict[str, Any] = {
-        "feet": feet,
-        "flat_feet": flat_feet,
-        "rotors": rotors,
-        "posture": posture,
-        "loops": loops or None,
-    }
-    told["thrusters"] = checks.names("thrusters", thrusters) or None
-    told["thrust_limit"] = thrust_limit if thrust_limit < np.inf else None
-    if path is not None:
-        told["file"] = str(known_name(urdf)) if listed else os.path.abspath(path)
-    if feet is None:
-        if not listed:
-            message = "a robot read from a file needs feet: names of frames, or () for none"
-            raise InputError(f"{message}; {_links(_read(urdf, path, ()).model)}", name="feet")
-        flat_feet = known.flat_feet if flat_feet is None else flat_feet
-    feet = checks.names("feet", known.feet if feet is None else feet)
-    rotors = known.rotors if rotors is None else rotors
-    if not isinstance(rotors, Sequence):
-        raise InputError(
-            f"rotors must be a tuple of rotors, got {shown(rotors)}", name="rotors", value=rotors
-        )
-    rotor_frames = (checks.instance("a rotor", rotor, Rotor).frame for rotor in rotors)
-    mounts = (
-        *checks.names("thrusters", thrusters),
-        *checks.names("frames of rotors", tuple(rotor_frames)),
-    )
-    read = _read(urdf, path, (*feet, *mounts))
-    model, angles, closing = read.model, read.posture, None
-    if listed:
-        known.add_frames(model)
-        model.upperDryFrictionLimit = model.lowerDryFrictionLimit = np.zeros(model.nv)
-        angles = known.posture(model)
-    ties = (*read.ties, *read_loops(loops or known.loops, model))
-    if ties:
-        closing = find_loops(model, ties, read.undriven, start_angles(model, angles, read.start))
-        angles = None if angles is None else np.delete(angles, np.array(closing.passive) - 2)
-    for kind, names in (("foot", feet), ("thruster", mounts)):
-        if len(set(names)) != len(names):
-            raise InputError(f"a {kind} is named twice: {shown(', '.join(names), 300)}", name=kind)
-        for name in names:
-            if not model.existFrame(name):
-                where = "the MuJoCo model" if path is None else shown(str(path), 300)
-                raise RobotError(
-                    f"{where} has no {kind} frame {shown(name)}; {_links(model)}", path=path
-                )
-    if flat_feet is None:
-        moved, above = feet_moved(model, feet, closing), driven_supports(model, closing)
-        legs = {name: above[model.frames[model.getFrameId(name)].parentJoint] for name in feet}
-        long = [name for name in feet if sum(moved[j] == 1 for j in legs[name]) >= SOLE_JOINTS]
-        flat_feet = {name: read.soles[name] for name in long if name in read.soles}
-    points, corners = add_flat_feet(model, feet, flat_feet)
-    if posture is not None:
-        passive = 0 if closing is None else len(closing.passive)
-        angles = checks.vector("posture", posture, model.nq - 7 - passive)
-    limits = np.array(model.effortLimit)
-    parts = list(zip(model.names, model.joints, model.inertias, strict=True))[1:]
-    followers = () if closing is None else closing.passive
-    unknown = [
-        name
-        for name, joint, _ in parts[1:]
-        if limits[joint.idx_v] == 0.0 and joint.id not in followers
-    ]
-    _warn(path, "of effort 0, taken as without a limit", unknown)
-    lossy = model.damping + model.upperDryFrictionLimit
-    rubbing = [model.names[j] for j in followers if lossy[model.joints[j].idx_v] > 0.0]
-    _warn(path, "without a motor, whose damping and dry friction are left out", rubbing)
-    if not listed:
-        no_inertia = [name for name, _, body in parts if body.mass > 0.0 and not body.inertia.any()]
-        _warn(path, "whose body has a mass, no inertia", no_inertia)
-    limits[6:][limits[6:] == 0.0] = np.inf
-    model.effortLimit = limits
-    robot = Robot(
-        model,
-        path,
-        points,
-        mounts,
-        float(thrust_limit),
-        angles,
-        flat_feet=corners if max(corners, default=1) > 1 else (),
-        rotors=tuple(rotors),
-        facing=known.facing,
-        label=str(known_name(urdf)) if listed else "",
-        source=deepcopy({name: value for name, value in told.items() if value is not None}),
-        foot_radius=tuple(read.radii.get(name, 0.0) for name in points),
-        loops=closing,
-    )
-    return robot if joints is None else robot.with_joints(read_joints(joints))
-
-
-def _warn(path: Path | None, what: str, joints: Sequence[str]) -> None:
-    """Warn of joints of a file, if there are any."""
-    if line := named(f"{shown(str(path), 300)}: joints {what}:", joints, np.ones(len(joints))):
-        warnings.warn(line, stacklevel=3)
-
-
-def _read(urdf: Any, path: Path | None, frames: Sequence[str]) -> Description:
-    """What a file, or a ``mujoco.MjModel``, says of a robot with these frames."""
-    if path is None:
-        try:
-            return read_mujoco(urdf, frames, "the MuJoCo model")
-        except InputError as error:
-            raise InputError(f"the MuJoCo model: {error}", name="urdf") from error
-    with robot_errors(path, "an MJCF file"):
-        if read_xml(path).tag != "mujoco":
-            model, ties = build_model(path)
-            undriven = [j.id for j in list(model.joints)[2:] if model.effortLimit[j.idx_v] == 0.0]
-            soles = find_soles(path, model, frames)
-            return Description(model, soles=soles, ties=ties, undriven=undriven)
-        return read_mujoco(compile_mjcf(path), frames, str(path))
-
-
-def _links(model: pin.Model) -> str:
-    """Names of a robot's links, for messages."""
-    inner = {frame.parentFrame for frame in model.frames}
-    bodies = [k for k, frame in enumerate(model.frames) if frame.type == pin.FrameType.BODY]
-    names = [model.frames[k].name for k in sorted(bodies, key=lambda k: k in inner)]
-    more = f" and {len(names) - 20} more" if len(names) > 20 else ""
-    return f"its links, ends of limbs first: {', '.join(names[:20])}{more}"
-
-
 def heavier(robot: Robot, error: float) -> Robot:
     """A robot with 1 + error times the mass and inertia of its body, the legs as they are; the
     error is above −1.
@@ -643,56 +440,18 @@ def configuration(robot: Robot, q: ArrayLike) -> Vector:
     return np.asarray(pin.normalize(robot.model, result))
 
 
-@dataclass(frozen=True)
-class KnownRobot:
-    """What is known of a robot.
+def feet_moved(model: pin.Model, feet: Sequence[str], loops: Loops | None = None) -> list[int]:
+    """How many feet each of the model's joints moves, by Pinocchio's numbers; points on one link
+    are one foot.
 
-    Attributes:
-        name: for :func:`load_robot` and :class:`harpy_pin.scenario.Scenario`.
-        feet: names of its feet; none for robots that fly.
-        flat: whether these are flat.
-        rotors: how many it has.
-        mass: kg; None where the extra ``robots`` is not installed.
-        joints: how many are actuated; None where the extra is not installed.
-        licence: of its files; None where they do not say, or are not installed.
+    A joint that moves one foot is of a leg; one that moves several, such as a waist, of none.
+
+    Args:
+        model: any.
+        feet: names of frames.
+        loops: that close it; their passive joints move none by themselves.
     """
-
-    name: str
-    feet: tuple[str, ...]
-    flat: bool
-    rotors: int
-    mass: float | None
-    joints: int | None
-    licence: str | None
-
-
-def robots() -> dict[str, KnownRobot]:
-    """All robots that are known by name, such as ``"go2"``; ``list(robots())`` are the names.
-
-    Files of robots other than Harpy are in example-robot-data, the extra ``robots``.
-    """
-    harpy, installed = load_harpy(), installed_data() is not None
-    known = {
-        "harpy": KnownRobot(
-            "harpy", HARPY_FEET, False, 0, harpy.mass, len(harpy.joints), "BSD-2-Clause"
-        )
-    }
-    for name, entry in CATALOGUE.items():
-        robot = load_robot(name) if installed or entry.own else None
-        found = (
-            (None, None, None)
-            if robot is None
-            else (robot.mass, len(robot.joints), _licence(entry))
-        )
-        known[name] = KnownRobot(name, entry.feet, bool(entry.flat_feet), len(entry.rotors), *found)
-    return known
-
-
-def _licence(entry: CatalogueRobot) -> str | None:
-    """What the page beside a robot's files says; this library's for its own."""
-    if entry.own:
-        return "BSD-2-Clause"
-    page = entry.path().parents[1] / "README.md"
-    text = page.read_text(errors="replace") if page.is_file() else ""
-    found = re.search(r"^licen[cs]e: *(.+?) *$", text, re.MULTILINE | re.IGNORECASE)
-    return found and found.group(1)
+    ends = {model.frames[model.getFrameId(name)].parentJoint for name in feet}
+    supports = driven_supports(model, loops)
+    above = [j for end in ends for j in supports[end]]
+    return [above.count(j) for j in range(model.njoints)]

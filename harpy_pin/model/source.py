@@ -18,7 +18,8 @@ from harpy_pin.arguments import checked
 from harpy_pin.errors import InputError, reason
 from harpy_pin.model.catalogue import CATALOGUE, known_name
 from harpy_pin.model.flat_foot import FlatFoot
-from harpy_pin.model.robot import Robot, load_harpy, load_robot
+from harpy_pin.model.loading import load_harpy, load_robot
+from harpy_pin.model.robot import Robot
 from harpy_pin.model.rotor import Rotor
 
 ENTRIES = {"file", "model", *signature(load_robot).parameters} - {"urdf"}

@@ -6,7 +6,6 @@ flyer; every other joint has one axis, about which it turns or along which it sl
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -202,23 +201,6 @@ def _loops_record(
         slope=slope,
         spread=np.eye(tied, tied - passive),
     )
-
-
-def feet_moved(model: pin.Model, feet: Sequence[str], loops: Loops | None = None) -> list[int]:
-    """How many feet each of the model's joints moves, by Pinocchio's numbers; points on one link
-    are one foot.
-
-    A joint that moves one foot is of a leg; one that moves several, such as a waist, of none.
-
-    Args:
-        model: any.
-        feet: names of frames.
-        loops: that close it; their passive joints move none by themselves.
-    """
-    ends = {model.frames[model.getFrameId(name)].parentJoint for name in feet}
-    supports = driven_supports(model, loops)
-    above = [j for end in ends for j in supports[end]]
-    return [above.count(j) for j in range(model.njoints)]
 
 
 def _axis(joint: Any, model: pin.Model) -> tuple[int, Vector]:

@@ -10,17 +10,19 @@ from __future__ import annotations
 
 import warnings
 import xml.etree.ElementTree as ElementTree
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import chdir, contextmanager
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
 
 from harpy_pin import checks
-from harpy_pin.errors import InputError, RobotError, shown
+from harpy_pin.errors import InputError, RobotError, first_of, shown
 from harpy_pin.model.flat_foot import FlatFoot, find_sole
-from harpy_pin.model.loops import Coupling
+from harpy_pin.model.loops import Coupling, Tie
+from harpy_pin.model.state import Vector
 
 _MAX_BYTES = 4_000_000
 _MAX_LINKS = 500
@@ -56,9 +58,32 @@ _NUMBERS: dict[str, tuple[int, tuple[str, ...], tuple[str, ...]]] = {
 _SIGNED = ("ixy", "ixz", "iyz", "xyz", "rpy", "lower", "upper", "scale", "multiplier", "offset")
 
 
-def build_model(path: Path) -> tuple[pin.Model, list[Coupling]]:
-    """Pinocchio's model of a URDF, root joint a free flyer, armature set; and its joints that mimic
-    others.
+@dataclass(frozen=True)
+class Description:
+    """What a file says of a robot.
+
+    Attributes:
+        model: Pinocchio's.
+        posture: (joints,) angles in which it stands, rad; None where there are none.
+        soles: of frames that are flat feet.
+        radii: of the spheres around the points of other frames, m.
+        ties: closed loops and couplings.
+        undriven: Pinocchio's numbers of the joints without a motor.
+        start: (all joints,) angles from which closed loops are searched; None for zero.
+    """
+
+    model: pin.Model
+    posture: Vector | None = None
+    soles: Mapping[str, FlatFoot] = field(default_factory=dict)
+    radii: Mapping[str, float] = field(default_factory=dict)
+    ties: Sequence[Tie] = ()
+    undriven: Sequence[int] = ()
+    start: Vector | None = None
+
+
+def read_urdf(path: Path, root: ElementTree.Element, frames: Sequence[str]) -> Description:
+    """The robot of a URDF: Pinocchio's model, root joint a free flyer, armature set; its joints
+    that mimic others; the soles of these frames.
 
     Every joint has one number in q. It is Pinocchio's model of the file, but for this:
 
@@ -73,12 +98,15 @@ def build_model(path: Path) -> tuple[pin.Model, list[Coupling]]:
     ``floating`` and ``planar`` joints are refused, and so are bodies whose inertia no body can
     have.
 
+    Args:
+        path: of the file, for messages.
+        root: of its XML, see :func:`read_xml`; it is changed.
+        frames: names of feet; those that the model has not are left out.
+
     Raises:
-        RobotError: the file is missing, too large, malformed, or describes what no body can be;
-            always one line.
+        RobotError: the file is malformed, or describes what no body can be; always one line.
     """
     with robot_errors(path, "a URDF"):
-        root = read_xml(path)
         if root.tag != "robot" or root.find("link") is None:
             raise RobotError(
                 f"{_shown(path)} is not a URDF: it has no <robot> with links", path=path
@@ -99,52 +127,55 @@ def build_model(path: Path) -> tuple[pin.Model, list[Coupling]]:
             _check_joint(joint)
         couplings = _couplings(path, joints)
         _warn_of_ranges(path, joints)
-        unbounded = [joint.get("name") for joint in joints if joint.get("type") == "continuous"]
-        for joint in joints:
-            joint.set("type", str(joint.get("type")).replace("continuous", "revolute"))
+        colliding = {str(link.get("name")): link.findall("collision") for link in links}
         _keep(root, ("link", "joint"))
-        for link in (
-            links
-        ):  # no model needs shapes, and Pinocchio's reader reports unknown ones on standard error
+        for link in links:  # Pinocchio's reader reports shapes that it does not know on stderr
             _keep(link, ("inertial",))
-        # The text that was checked, not the file: two readers of XML need not agree on the same
-        # bytes.
-        model = pin.buildModelFromXML(
-            ElementTree.tostring(root, encoding="unicode"), pin.JointModelFreeFlyer()
-        )
-        for joint in joints:
-            if (dynamics := joint.find("dynamics")) is not None:
-                index = model.joints[model.getJointId(joint.get("name"))].idx_v
-                model.armature[index] = float(dynamics.get("armature", "0"))
-        for name in unbounded:
-            joint = model.joints[model.getJointId(name)]
-            model.lowerPositionLimit[joint.idx_q], model.upperPositionLimit[joint.idx_q] = (
-                -np.inf,
-                np.inf,
-            )
-        for limits in (model.effortLimit[6:], model.velocityLimit[6:]):
-            limits[limits >= UNLIMITED] = np.inf
-        _move_base(model, links, joints)
-        _name_frames(model)
-        check_bodies(model)
-    return model, couplings
+        model = _build(root, links, joints)
+        undriven = [j.id for j in list(model.joints)[2:] if model.effortLimit[j.idx_v] == 0.0]
+        soles = _find_soles(model, colliding, frames)
+        return Description(model, soles=soles, ties=couplings, undriven=undriven)
 
 
-def find_soles(path: Path, model: pin.Model, frames: Sequence[str]) -> dict[str, FlatFoot]:
-    """The soles of these frames, of the shapes that collide on links that move with them; the
-    joints are at zero.
+def _build(
+    root: ElementTree.Element,
+    links: Sequence[ElementTree.Element],
+    joints: Sequence[ElementTree.Element],
+) -> pin.Model:
+    """Pinocchio's model of the XML of a URDF that was checked, and only of that: two readers need
+    not agree on the bytes of a file.
+    """
+    unbounded = [joint.get("name") for joint in joints if joint.get("type") == "continuous"]
+    for joint in joints:
+        joint.set("type", str(joint.get("type")).replace("continuous", "revolute"))
+    text = ElementTree.tostring(root, encoding="unicode")
+    model = pin.buildModelFromXML(text, pin.JointModelFreeFlyer())
+    for joint in joints:
+        if (dynamics := joint.find("dynamics")) is not None:
+            index = model.joints[model.getJointId(joint.get("name"))].idx_v
+            model.armature[index] = float(dynamics.get("armature", "0"))
+    for name in unbounded:
+        place = model.joints[model.getJointId(name)].idx_q
+        model.lowerPositionLimit[place] = -np.inf
+        model.upperPositionLimit[place] = np.inf
+    for limits in (model.effortLimit[6:], model.velocityLimit[6:]):
+        limits[limits >= UNLIMITED] = np.inf
+    _move_base(model, links, joints)
+    _name_frames(model)
+    check_bodies(model)
+    return model
 
-    Shapes are boxes, spheres, capsules and cylinders that lie.
 
-    Args:
-        path: of a URDF that :func:`build_model` has read.
-        model: what it has made of it.
-        frames: names; those that the model has not are left out.
+def _find_soles(
+    model: pin.Model, colliding: Mapping[str, Sequence[ElementTree.Element]], frames: Sequence[str]
+) -> dict[str, FlatFoot]:
+    """The soles of frames, of the shapes that collide on links that move with them: boxes,
+    spheres, capsules and cylinders that lie. The joints are at zero.
     """
     shapes = []
-    for link in read_xml(path).findall("link"):
-        frame = model.frames[model.getFrameId(link.get("name"), pin.FrameType.BODY)]
-        for shape in link.findall("collision"):
+    for link, collisions in colliding.items():
+        frame = model.frames[model.getFrameId(link, pin.FrameType.BODY)]
+        for shape in collisions:
             geometry, origin = shape.find("geometry/*"), shape.find("origin")
             if geometry is not None and geometry.tag in ("box", "sphere", "capsule", "cylinder"):
                 place = {} if origin is None else origin.attrib
@@ -166,8 +197,10 @@ def find_soles(path: Path, model: pin.Model, frames: Sequence[str]) -> dict[str,
             for joint, at, *size in shapes
             if joint == foot.parentJoint
         ]
-        soles[name] = find_sole(own, data.oMf[number].rotation)
-    return {name: sole for name, sole in soles.items() if sole is not None}
+        sole = find_sole(own, data.oMf[number].rotation)
+        if sole is not None:
+            soles[name] = sole
+    return soles
 
 
 @contextmanager
@@ -194,8 +227,8 @@ def _shown(path: Path) -> str:
 
 
 def read_xml(path: Path) -> ElementTree.Element:
-    """Root of the XML of a robot's file; errors are those of :func:`build_model`, ``InputError``
-    and ``OSError``.
+    """Root of the XML of a robot's file; errors are :class:`RobotError`, ``InputError`` and
+    ``OSError``.
     """
     if not path.is_file():
         found = "it is no file" if path.exists() else "the file does not exist"
@@ -287,7 +320,7 @@ def _check_tree(
 
 
 def _keep(element: ElementTree.Element, tags: Sequence[str]) -> None:
-    """Remove what :func:`build_model` ignores, so that nothing in it can be wrong."""
+    """Remove what :func:`read_urdf` ignores, so that nothing in it can be wrong."""
     for inner in list(element):
         if inner.tag not in tags:
             element.remove(inner)
@@ -351,12 +384,8 @@ def _warn_of_ranges(path: Path, joints: Sequence[ElementTree.Element]) -> None:
             if low > np.pi or high < -np.pi or TURNS < max(-low, high) <= DEGREES:
                 far.append(f"'{joint.get('name')}' ({low:g} to {high:g} rad)")
     if far:
-        more = f" and {len(far) - 1} more" if len(far) > 1 else ""
-        message = (
-            f"{_shown(path)}: range of joint {far[0]}{more} is far from zero: is it in "
-            f"degrees, or off by a turn?"
-        )
-        warnings.warn(message, stacklevel=5)
+        message = f"{_shown(path)}: range of joint {first_of(far)} is far from zero"
+        warnings.warn(f"{message}: is it in degrees, or off by a turn?", stacklevel=5)
 
 
 def _check_numbers(owner: ElementTree.Element) -> None:
@@ -432,9 +461,8 @@ def _couplings(path: Path, joints: Sequence[ElementTree.Element]) -> list[Coupli
         ratio, offset = float(mimic.get("multiplier", "1")), float(mimic.get("offset", "0"))
         found.append(Coupling(name, leader, ratio, offset))
     if alone:
-        more = f" and {len(alone) - 1} more" if len(alone) > 1 else ""
         message = f"{_shown(path)}: joints mimic none that moves, and move on their own"
-        warnings.warn(f"{message}: {alone[0]}{more}", stacklevel=5)
+        warnings.warn(f"{message}: {first_of(alone)}", stacklevel=5)
     return found
 
 

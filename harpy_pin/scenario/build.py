@@ -21,7 +21,8 @@ from harpy_pin import checks
 from harpy_pin.errors import InputError, shown
 from harpy_pin.gaits.gait import Gait
 from harpy_pin.log.run import Run
-from harpy_pin.model.robot import heavier, load_harpy
+from harpy_pin.model.loading import load_harpy
+from harpy_pin.model.robot import heavier
 from harpy_pin.model.source import loaded_robot
 from harpy_pin.model.state import State
 from harpy_pin.scenario.gait_parts import GaitPart, Stand

@@ -8,8 +8,9 @@ from typing import Any, NamedTuple
 from harpy_pin.arguments import checked
 from harpy_pin.errors import InputError, shown
 from harpy_pin.log.run import Run
-from harpy_pin.model.catalogue import CATALOGUE
-from harpy_pin.model.robot import HARPY_FEET, HARPY_THRUSTERS, Robot, load_harpy, load_robot
+from harpy_pin.model.catalogue import CATALOGUE, HARPY_FEET, HARPY_THRUSTERS
+from harpy_pin.model.loading import load_harpy, load_robot
+from harpy_pin.model.robot import Robot
 from harpy_pin.model.source import read_robot
 
 

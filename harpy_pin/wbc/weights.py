@@ -15,9 +15,8 @@ from harpy_pin.gaits.fitting import fitting_parameters
 from harpy_pin.model.dynamics import Dynamics
 from harpy_pin.model.memory import KeepsViews, fixed_arrays
 from harpy_pin.model.record import Record, Records, field, make_record, same_layout
-from harpy_pin.model.robot import Robot
+from harpy_pin.model.robot import Robot, feet_moved
 from harpy_pin.model.state import Vector
-from harpy_pin.model.tree import feet_moved
 from harpy_pin.wbc.targets import TargetsRecord
 
 MAX_FRICTION = 10.0

@@ -7,7 +7,7 @@ import harpy_pin as hp
 from comparison.studies import identification
 from comparison.worlds.hung import PERIOD, STEP, hang, hidden, replayed, with_hidden
 from harpy_pin.contrib.identify import excitation
-from harpy_pin.model.robot import harpy_urdf
+from harpy_pin.model.loading import harpy_urdf
 
 mujoco = pytest.importorskip("mujoco")
 

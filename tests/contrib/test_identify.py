@@ -13,8 +13,8 @@ from harpy_pin.contrib.bag import read_log, read_signals
 from harpy_pin.contrib.identify import command, equations, excitation, identify
 from harpy_pin.contrib.identify.signals import Half, Samples
 from harpy_pin.errors import InputError, RobotError
-from harpy_pin.model.known_joints import KnownJoints
-from harpy_pin.model.robot import harpy_urdf
+from harpy_pin.model.loading import harpy_urdf
+from harpy_pin.model.robot import KnownJoints
 
 mujoco = pytest.importorskip("mujoco")
 SECONDS = 16.0

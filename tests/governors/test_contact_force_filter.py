@@ -12,7 +12,7 @@ from harpy_pin.governors import ContactForceFilter, ContactForceFilterParameters
 from harpy_pin.governors.contact_force_kernels import into_cone
 from harpy_pin.log.measures import contact_age
 from harpy_pin.model.dynamics import Dynamics
-from harpy_pin.model.robot import load_harpy
+from harpy_pin.model.loading import load_harpy
 from harpy_pin.model.state import Command, State
 from harpy_pin.simulation.push import Push
 from reproduction.chattering import chattering

@@ -259,7 +259,7 @@ def test_all_robots_at_a_glance():
 
 
 def test_without_their_files_names_are_known(monkeypatch):
-    monkeypatch.setattr("harpy_pin.model.robot.installed_data", lambda: None)
+    monkeypatch.setattr("harpy_pin.model.loading.installed_data", lambda: None)
     go2 = hp.robots()["go2"]
     assert (go2.mass, go2.joints, go2.licence) == (None, None, None)
     assert len(go2.feet) == 4

@@ -18,7 +18,7 @@ from harpy_pin.gaits.walking.build import build_of
 from harpy_pin.gaits.walking.can_walk import why_no_walk
 from harpy_pin.gaits.walking.swing_load import holding_load
 from harpy_pin.model.legs import legs
-from harpy_pin.model.tree import feet_moved
+from harpy_pin.model.robot import feet_moved
 from harpy_pin.wbc import (
     WholeBodyLimits,
     WholeBodyTargets,

@@ -50,7 +50,7 @@ def test_wheel_walks_in_an_empty_folder(wheel: Path, installed: Path, tmp_path: 
     assert Path(told["examples"]).is_relative_to(environment)
     assert (Path(told["examples"]) / "first_walk.py").is_file()
     assert (Path(told["tutorials"]) / "robot_dog.ipynb").is_file()
-    where = run(str(installed), "-c", "import harpy_pin.model.robot as r; print(r.harpy_urdf())")
+    where = run(str(installed), "-c", "import harpy_pin.model.loading as r; print(r.harpy_urdf())")
     assert Path(where.stdout.strip()).is_relative_to(environment)
 
 

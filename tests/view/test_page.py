@@ -12,7 +12,8 @@ from pages import commands_of, content_of, make_run, unpack
 
 from harpy_pin.errors import InputError
 from harpy_pin.log.run import Run
-from harpy_pin.model.robot import Robot, load_robot
+from harpy_pin.model.loading import load_robot
+from harpy_pin.model.robot import Robot
 from harpy_pin.view import ReplayServer, replay_html, robot_of
 from harpy_pin.view.identity import name_of
 from harpy_pin.view.page.build_page import pack

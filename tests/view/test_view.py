@@ -13,7 +13,8 @@ from pages import commands_of, content_of, make_run
 import harpy_pin as hp
 from harpy_pin.errors import InputError, RunFileError
 from harpy_pin.log.run import Run
-from harpy_pin.model.robot import Robot, load_harpy, load_robot
+from harpy_pin.model.loading import load_harpy, load_robot
+from harpy_pin.model.robot import Robot
 from harpy_pin.view import figures_of, replay_html, show, write_html
 from harpy_pin.view.scene.forces import Arrow, Cone, Scales, nice_scale
 from harpy_pin.view.scene.frames import Contacts, Frames, sample_rows

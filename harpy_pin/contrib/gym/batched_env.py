@@ -58,9 +58,10 @@ from harpy_pin.kernels import kernel
 from harpy_pin.log.slip import forget_slip
 from harpy_pin.model.contact_map import ContactMapRecord
 from harpy_pin.model.dynamics import DynamicsRecord
+from harpy_pin.model.loading import load_harpy
 from harpy_pin.model.memory import KeepsViews, fixed_arrays
 from harpy_pin.model.record import Records, make_record
-from harpy_pin.model.robot import heavier, load_harpy
+from harpy_pin.model.robot import heavier
 from harpy_pin.model.state import State, Vector
 from harpy_pin.model.terms import update_terms
 from harpy_pin.scenario import Compliant, Scenario, Straight

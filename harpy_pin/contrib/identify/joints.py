@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from harpy_pin.arguments import checked
 from harpy_pin.contrib.identify.regression import NUMBERS
 from harpy_pin.files import write_json
-from harpy_pin.model.known_joints import KnownJoints
+from harpy_pin.model.robot import KnownJoints
 from harpy_pin.model.state import Vector
 
 SHOWN = 5.0  # seconds of the log that are drawn

@@ -12,7 +12,7 @@ import pinocchio as pin
 from harpy_pin import checks
 from harpy_pin.arguments import checked
 from harpy_pin.contrib.identify.equations import rigid
-from harpy_pin.model.ik import find_posture
+from harpy_pin.model.posture import find_posture
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Command, Vector
 

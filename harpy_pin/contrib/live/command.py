@@ -82,7 +82,7 @@ def live(
         raise HarpyError(f"driving needs viser, which is not installed: {install_line('live')}")
     from harpy_pin.contrib.live.drive import Drive
     from harpy_pin.contrib.live.settings import DriveRanges, usual_settings
-    from harpy_pin.model.robot import load_harpy
+    from harpy_pin.model.loading import load_harpy
     from harpy_pin.model.source import loaded_robot
 
     driven_robot = load_harpy(urdf) if walker == "harpy" else loaded_robot(walker)

@@ -33,7 +33,8 @@ from harpy_pin.gaits.on_terrain import OnTerrain
 from harpy_pin.gaits.walking.walking_gait import WalkingGait
 from harpy_pin.ground.ground import Ground
 from harpy_pin.ground.terrain import Plane
-from harpy_pin.model.robot import Robot, load_harpy
+from harpy_pin.model.loading import load_harpy
+from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Command, State, Vector
 from harpy_pin.simulation.push import Push
 from harpy_pin.simulation.sensing import ESTIMATED, EstimatedState, estimated_state

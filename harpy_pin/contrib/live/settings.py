@@ -14,8 +14,9 @@ from harpy_pin.gaits.commanded import CommandedGait, make_commanded_gait
 from harpy_pin.gaits.walking.schedules import BY_FEET, SCHEDULES
 from harpy_pin.gaits.walking.walking_gait import WalkingGait
 from harpy_pin.ground.ground import Ground, walking_stiffness
+from harpy_pin.model.catalogue import HARPY_FEET, HARPY_THRUSTERS
 from harpy_pin.model.record import field
-from harpy_pin.model.robot import HARPY_FEET, HARPY_THRUSTERS, Robot
+from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
 from harpy_pin.simulation.sensing import ESTIMATED, TRUE
 from harpy_pin.view.identity import CONTROLLERS

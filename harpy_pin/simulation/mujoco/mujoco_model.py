@@ -42,7 +42,7 @@ class MujocoModel(KeepsViews):
     with dense Jacobians.
 
     Args:
-        robot: any that :func:`harpy_pin.model.robot.load_robot` takes.
+        robot: any that :func:`harpy_pin.model.loading.load_robot` takes.
         friction: sliding friction coefficient.
         dt: step, s.
         gravity: (3,) m/s².
@@ -266,7 +266,7 @@ def _body_inertia(inertia: Vector) -> list[float]:
     """The inertia (3, 3) as MuJoCo reads it: xx, yy, zz, xy, xz, yz.
 
     Where rounding in a file made it that of no body, by at most what
-    :func:`harpy_pin.model.urdf.build_model` lets pass, the same moment is added about every axis.
+    :func:`harpy_pin.model.urdf.read_urdf` lets pass, the same moment is added about every axis.
     """
     smallest, middle, largest = np.linalg.eigvalsh(inertia)
     missing = max(MIN_INERTIA - smallest, largest - smallest - middle)

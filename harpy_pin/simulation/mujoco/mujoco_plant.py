@@ -51,7 +51,7 @@ class MujocoPlant(SteppedPlant):
     the joint damping.
 
     Args:
-        robot: any that :func:`harpy_pin.model.robot.load_robot` takes.
+        robot: any that :func:`harpy_pin.model.loading.load_robot` takes.
         ground: stiffness, damping and static friction coefficients, on strips too; see
             :func:`harpy_pin.simulation.mujoco.preset_ground`. MuJoCo has no other friction: what
             slides does so at μ_s.
