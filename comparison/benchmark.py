@@ -16,7 +16,6 @@ from comparison.campaign.walks import run_campaign
 from comparison.contenders import CONTENDERS, OWN
 from comparison.measure.timing import Bench, TimingSettings, describe_all_versions, describe_machine
 from comparison.measure.walking import TIMED, record_states, recorded_walk, stage
-from comparison.sections.growth import FACES, time_growth
 from comparison.sections.ticks import (
     WALKS,
     time_formulations,
@@ -53,8 +52,6 @@ class Settings:
     seed: int = 0  # of the order in which candidates are timed
     # of the pushes during the walks on which every controller's tick is timed, N·s
     impulse: float = 3.0
-    # numbers of faces of the friction pyramid, of the section on growth
-    faces: tuple[int, ...] = FACES
     timing: TimingSettings = field(default_factory=TimingSettings)  # how to time
     campaign: CampaignSettings = field(default_factory=CampaignSettings)  # its walks
 
@@ -73,12 +70,7 @@ class Settings:
             TimingSettings(repetitions=3, programs=500, samples=30),
             CampaignSettings(**QUICK),
         )
-        less: dict[str, Any] = {
-            "duration": 2.0,
-            "faces": FACES[:2],
-            "timing": timing,
-            "campaign": campaign,
-        }
+        less: dict[str, Any] = {"duration": 2.0, "timing": timing, "campaign": campaign}
         return cls(**less | changes)
 
 
@@ -143,10 +135,6 @@ def compare(
     }
     document["formulations"] = time_formulations(
         bench("formulations", [settings.seed, 3]), pushed[1]
-    )
-    grows = partial(stage, progress, "growth")
-    document["growth"] = time_growth(
-        robot, timing.repetitions, settings.seed, faces=settings.faces, stage=grows
     )
     whole = bench("simulator", [settings.seed, 4], WALKS * len(CONTENDERS))
     document["simulator"] = time_simulator(whole, duration=min(settings.duration, 4.0))

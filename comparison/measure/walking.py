@@ -6,7 +6,7 @@ import hashlib
 import multiprocessing
 import os
 import warnings
-from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterable, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextvars import ContextVar
@@ -16,13 +16,12 @@ from itertools import count
 from typing import Any, TypeVar
 
 import numpy as np
-import pinocchio as pin
 
 import harpy_pin as hp
 from comparison.contenders import OWN, controller_part
 from comparison.measure.interrupts import without_interrupts
 from harpy_pin import Disturbances, Ground, Robot, checks, make_gait
-from harpy_pin.model.state import State, Vector
+from harpy_pin.model.state import State
 
 Progress = Callable[[int, int], None]
 """Called after every piece of work with how many are done, and of how many."""
@@ -219,27 +218,3 @@ def record_states(name: str, run: hp.Run, *, least: int) -> StateSequence:
             State(float(t), *(array[i].copy() for array in arrays)) for i, t in enumerate(run["t"])
         ),
     )
-
-
-def sway(
-    robot: Robot, posture: Vector, amplitude: Vector, phases: Vector, rate: float, force: Vector
-) -> Iterator[State]:
-    """A state every millisecond of a robot that sways about a posture, with these forces on its
-    feet.
-
-    Args:
-        robot: which.
-        posture: (nq,) configuration in the middle.
-        amplitude: (nv,) of each direction, m and rad.
-        phases: (ticks,) of the sway, rad.
-        rate: with which the phase grows, rad/s.
-        force: (feet, 3) world axes, N.
-    """
-    dynamics = hp.Dynamics(robot)
-    for k, phase in enumerate(phases):
-        q = pin.integrate(robot.model, posture, amplitude * np.sin(phase))
-        v = rate * np.cos(phase) * amplitude
-        dynamics.update(q, v)
-        yield State(
-            0.001 * k, q, v, dynamics.foot_position.copy(), dynamics.foot_velocity.copy(), force
-        )

@@ -1,24 +1,18 @@
-"""The report: every table and figure of the comparison, and all its numbers as JSON and CSV."""
+"""The report: every table of the comparison, and all its numbers as JSON and CSV."""
 
 from __future__ import annotations
 
-import io
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from comparison.campaign.summary import summary_tables
 from comparison.contenders import label
 from comparison.measure.walking import TIMED
 from comparison.report.answer import answer_of
-from comparison.report.figures import growth_figure, pareto_figure
-from comparison.sections.growth import growth_tables
 from comparison.sections.ticks import formulations_table, simulator_table, ticks_tables
 from comparison.sections.timing import timing_tables
 from comparison.tables import Cell, Table, in_columns, to_csv
 from harpy_pin.files import OwnFolder, json_text
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 MEASURES = {
     "fell": "fell",
@@ -54,7 +48,6 @@ def tables_of(document: Mapping[str, Any]) -> list[Table]:
         *ticks_tables(document["ticks"]),
         formulations_table(document["formulations"], friction),
         *summary_tables(document["campaign"]),
-        *growth_tables(document["growth"]),
         simulator_table(document["simulator"]),
         *(
             _flat(document[key], key, key.capitalize())
@@ -103,19 +96,7 @@ def pareto_table(document: Mapping[str, Any]) -> Table:
     return Table("pareto", title, tuple(cells), note)
 
 
-def figures_of(tables: Mapping[str, Table]) -> dict[str, Figure]:
-    """The figures, by name."""
-    return {"pareto": pareto_figure(tables["pareto"]), "growth": growth_figure(tables)}
-
-
 def write_report(folder: OwnFolder, document: Mapping[str, Any]) -> None:
     """Write ``results.json``, and ``results.csv`` with every number of the tables."""
     tables = to_csv(tables_of(document))
     folder.write({"results.json": json_text(document), "results.csv": tables})
-
-
-def picture_of(figure: Figure) -> bytes:
-    """A figure as PNG."""
-    out = io.BytesIO()
-    figure.savefig(out, format="png", dpi=160)
-    return out.getvalue()
