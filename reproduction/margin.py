@@ -211,7 +211,7 @@ def _slacks(x: Vector, w: Vector, p: MarginRecord) -> None:
     slack[4] = length - p.shortest
     if p.longest - length < slack[4]:
         slack[4], side = p.longest - length, -1.0
-    normals[4] = r * (side / max(length, 1e-12))
+    normals[4] = r * (side / np.maximum(length, 1e-12))
 
 
 @kernel
@@ -265,7 +265,7 @@ def _margin_update(x: Vector, x_r: Vector, dt: float, p: MarginRecord) -> float:
 def _navigation(x_r: Vector, x_w: Vector, p: MarginRecord) -> None:
     """Navigation field ρ: attraction to the target, and a push away from near constraints."""
     p.field[:] = x_r[:3] - x_w[:3]
-    p.field /= max(np.sqrt(p.field @ p.field), SMOOTHING)
+    p.field /= np.maximum(np.sqrt(p.field @ p.field), SMOOTHING)
     for k in range(5):
         if p.slack[k] < INFLUENCE:
             p.field += (INFLUENCE - p.slack[k]) / (INFLUENCE - LEAST_SLACK) * p.normals[k]

@@ -148,7 +148,7 @@ def multiplier(
     Returns:
         λ, N/m: the contact force is r λ.
     """
-    squared = max(r @ r, 1e-24)  # a body on the foot has no direction
+    squared = np.maximum(r @ r, 1e-24)  # a body on the foot has no direction
     s = u_r + r @ (cop_acceleration - gravity - thrust / mass)
     return float(s * mass / squared)
 

@@ -70,9 +70,9 @@ def whole(
 ) -> None:
     """Compare reference governors, the condensed controller and a QP whole-body controller.
 
-    Walks of the same robot are recorded. Their states are then replayed through every controller
-    and timed: the complete tick, its phases, isolated governor updates and isolated solves. Every
-    timed command is checked against an untimed one. Then every controller walks a campaign of
+    Walks of the same robot are recorded. Their states are then replayed and timed: the complete
+    tick of every controller, governor updates alone and solves alone. Every timed command is
+    checked against an untimed one. Then every controller walks a campaign of
     randomly drawn scenarios. The command prints its answer: which controllers keep the feet from
     slipping, and what a tick costs. A CSV file has the numbers of all tables, a JSON file also what
     was checked, and the limitations.

@@ -18,9 +18,9 @@ from typing import Any, TypeVar
 import numpy as np
 
 import harpy_pin as hp
-from comparison.contenders import OWN, controller_part
+from comparison.contenders import controller_part
 from comparison.measure.interrupts import without_interrupts
-from harpy_pin import Disturbances, Ground, Robot, checks, make_gait
+from harpy_pin import Disturbances, Ground, Robot, make_gait
 from harpy_pin.model.state import State
 
 Progress = Callable[[int, int], None]
@@ -127,18 +127,6 @@ def as_far_as_it_goes(walked: Callable[[], hp.Run]) -> hp.Run:
         return run
 
 
-TIMED = {
-    "ungoverned": "governed/none",
-    "governed": "governed/paper",
-    "condensed": "condensed",
-    "own search": OWN,
-    "wbc": "wbc",
-}
-"""Contenders whose ticks are taken apart, by the names of their rows: ``wbc`` is the whole-body QP
-by ProxQP, ``own search`` the same program by this library's own.
-"""
-
-
 def scenario_of(name: str, friction: float, **changes: Any) -> hp.Scenario:
     """A contender's walk at the gait's default speed.
 
@@ -149,9 +137,8 @@ def scenario_of(name: str, friction: float, **changes: Any) -> hp.Scenario:
 
 
 def make_contender(name: str, robot: Robot, friction: float) -> Any:
-    """A new controller with a gait of its own, by its name in :data:`TIMED`."""
-    checks.one_of("contender", name, TIMED)
-    return controller_part(TIMED[name]).make(make_gait(robot), mu=friction, period=1e-3)
+    """A new controller with a gait of its own, by the name of its contender."""
+    return controller_part(name).make(make_gait(robot), mu=friction, period=1e-3)
 
 
 @dataclass(frozen=True)
@@ -186,7 +173,7 @@ def recorded_walk(name: str, *, friction: float, duration: float, impulse: float
     """Walk in closed loop; the log ends early if the robot falls.
 
     Args:
-        name: of :data:`TIMED`, or of :func:`scenario_of`.
+        name: of :func:`scenario_of`.
         friction: of the ground, which the controller knows.
         duration: s.
         impulse: of a lateral push to alternating sides in every second, N·s: many touchdowns and
@@ -198,9 +185,7 @@ def recorded_walk(name: str, *, friction: float, duration: float, impulse: float
         for k, t in enumerate(times)
     )
     disturbances = Disturbances(pushes=pushes)
-    return hp.walk(
-        scenario_of(TIMED.get(name, name), friction, duration=duration, disturbances=disturbances)
-    )
+    return hp.walk(scenario_of(name, friction, duration=duration, disturbances=disturbances))
 
 
 def record_states(name: str, run: hp.Run, *, least: int) -> StateSequence:

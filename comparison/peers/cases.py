@@ -19,7 +19,7 @@ from comparison.peers.peer_problem import Case, common_program
 
 FRICTION = 0.6
 """Of the ground of all but Harpy."""
-HARPY = ("governed", "condensed")
+HARPY = ("governed/paper", "condensed")
 """Whose walks give Harpy's states."""
 SHIFT_PERIOD = 2.0
 """Time in which the weight is shifted and comes back, s."""

@@ -7,10 +7,9 @@ from typing import Any
 
 from comparison.campaign.summary import summary_tables
 from comparison.contenders import label
-from comparison.measure.walking import TIMED
 from comparison.report.answer import answer_of
 from comparison.sections.ticks import formulations_table, simulator_table, ticks_tables
-from comparison.sections.timing import timing_tables
+from comparison.sections.timing import timing_table
 from comparison.tables import Cell, Table, in_columns, to_csv
 from harpy_pin.files import OwnFolder, json_text
 
@@ -36,12 +35,14 @@ def tables_of(document: Mapping[str, Any]) -> list[Table]:
     """Every table of the report, in its order."""
     friction, walk = document["settings"]["friction"], document["walk"]
     cells = (
-        Cell(text, who, walk[who][measure]) for measure, text in MEASURES.items() for who in TIMED
+        Cell(text, label(who), of[measure])
+        for measure, text in MEASURES.items()
+        for who, of in walk.items()
     )
     return [
         answer_of(document).table(),
         pareto_table(document),
-        *timing_tables(document["timing"], friction),
+        timing_table(document["timing"], friction),
         Table("walk", f"One undisturbed walk of each, friction {friction:g}", tuple(cells)),
         _flat(document["checks"], "checks", "Checks of what was timed"),
         _flat(document["activity"], "activity", "Activity of governor and solver"),
