@@ -169,6 +169,12 @@ class StateSequence:
         return total.hexdigest()
 
 
+def standing_ground(robot: Robot, friction: float) -> Ground:
+    """Ground into which the feet of a robot that stands sink by 1 mm."""
+    weight = robot.mass * hp.simulation.GRAVITY
+    return Ground(mu_s=friction, stiffness=weight / (len(robot.feet) * 1e-3))
+
+
 def recorded_walk(name: str, *, friction: float, duration: float, impulse: float = 0.0) -> hp.Run:
     """Walk in closed loop; the log ends early if the robot falls.
 

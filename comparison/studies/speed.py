@@ -40,12 +40,10 @@ from comparison.study import (
 )
 from harpy_pin.contrib.preview import Preview
 from harpy_pin.gaits.planned import Planner
-from harpy_pin.simulation import GRAVITY
+from harpy_pin.ground.ground import walking_stiffness
 
 MOTORS = hp.Actuators(torque_share=1.0, no_load_share=1.0, stall_share=5.0)
 """Limits of the model: torques fall in the last fifth of the velocities."""
-SINK = 2e-3
-"""How deep the feet sink in when the robot stands on two of four, m."""
 REACHED = 0.9
 """Share of a speed that is reached, from the middle of the walk on."""
 SPEEDS: dict[str, tuple[tuple[float, ...], tuple[float, ...]]] = {
@@ -136,7 +134,7 @@ def scenario(job: Job) -> hp.Scenario:
     return hp.Scenario(
         robot=job["robot"],
         plant=job["plant"],
-        ground=hp.Ground(mu_s=friction, stiffness=robot.mass * GRAVITY / SINK),
+        ground=hp.Ground(mu_s=friction, stiffness=walking_stiffness(robot)),
         disturbances=hp.Disturbances(
             actuators=MOTORS, start_velocity=tuple(start.tolist()), pushes=pushes, seed=job["start"]
         ),
