@@ -222,10 +222,6 @@ def bound(rows: Rows) -> float | None:
     return _bound(rows[0]["robot"]) if rows[0]["walker"] == "preview" else None
 
 
-def _stood(rows: Rows) -> str:
-    return f"{sum(map(_stands, rows))} of {len(rows)}"
-
-
 def _draw(figure: Any, rows: Rows) -> None:
     """The largest speed over the friction."""
     figure.set_size_inches(6.4, 3.4)
@@ -269,11 +265,6 @@ def _jobs(s: Any) -> Iterator[Job]:
 
 
 _AT_FULL_GRIP = {"what": "ahead", "friction": FRICTION}
-
-
-def _others(row: dict[str, Any]) -> str:
-    """What a walk is that is none at the largest speed."""
-    return f"{row['what']}, {row['speed']:g} m/s, {row['plant']}"
 
 
 STUDY = Study(
@@ -333,7 +324,7 @@ STUDY = Study(
             "Starts that stand",
             row=lambda row: f"{row['robot']}, {LABELS[row['walker']]}, {row['plant']}",
             across="{speed:g} m/s",
-            columns=_stood,
+            columns=lambda rows: f"{sum(map(_stands, rows))} of {len(rows)}",
             only=lambda row: _AT_FULL_GRIP.items() <= row.items(),
         ),
         View(
@@ -347,7 +338,7 @@ STUDY = Study(
         View(
             "speed_others",
             "Go2 in other ways",
-            row=_others,
+            row="{what}, {speed:g} m/s, {plant}",
             columns={
                 "walks": len,
                 "fell": lambda rows: sum(row["fell"] for row in rows),
