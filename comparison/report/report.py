@@ -8,7 +8,7 @@ from typing import Any
 from comparison.campaign.summary import summary_tables
 from comparison.contenders import label
 from comparison.report.answer import answer_of
-from comparison.sections.ticks import formulations_table, simulator_table, ticks_tables
+from comparison.sections.ticks import formulations_table, simulator_table, ticks_table
 from comparison.sections.timing import timing_table
 from comparison.tables import Cell, Table, in_columns, to_csv
 from harpy_pin.files import OwnFolder, json_text
@@ -46,7 +46,7 @@ def tables_of(document: Mapping[str, Any]) -> list[Table]:
         Table("walk", f"One undisturbed walk of each, friction {friction:g}", tuple(cells)),
         _flat(document["checks"], "checks", "Checks of what was timed"),
         _flat(document["activity"], "activity", "Activity of governor and solver"),
-        *ticks_tables(document["ticks"]),
+        ticks_table(document["ticks"]),
         formulations_table(document["formulations"], friction),
         *summary_tables(document["campaign"]),
         simulator_table(document["simulator"]),

@@ -23,7 +23,6 @@ BY_PYTHON = {"wbc", "wbc/daqp"}
 def test_ticks_count_every_controller_and_add_up(whole_document: dict[str, Any]) -> None:
     ticks = whole_document["ticks"]["contenders"]
     assert {*CONTENDERS, "wbc/daqp"} == ticks.keys()
-    assert all(entry["cold_p50_us"] > 0.0 for entry in ticks.values())
     inside = {name: entry["inside_c"] for name, entry in ticks.items() if "inside_c" in entry}
     assert ticks.keys() - inside.keys() == BY_PYTHON
     assert all(
@@ -77,9 +76,11 @@ def test_walks_beside_the_wall_clock(monkeypatch: pytest.MonkeyPatch) -> None:
     )
     entry = ticks.time_simulator(bench, duration=0.1)
     assert len(pieces) == 3 * ticks.WALKS
-    for row in entry["walk"].values():
+    for row in entry.values():
         assert row["ending"] == "completed"
-        assert 0.0 < row["low"] <= row["real_time"] <= row["high"]
+        assert (
+            0.0 < row["real_time"]["low"] <= row["real_time"]["value"] <= row["real_time"]["high"]
+        )
     assert ticks.simulator_table(entry).rows == [
         "paper's governor",
         "whole-body QP, own search",
