@@ -197,24 +197,21 @@ def _slacks(x: Vector, w: Vector, p: MarginRecord) -> None:
     """Distances of the steady state to faces and leg limits, m, and the directions away from
     them.
     """
-    slack, normals = p.slack, p.normals
-    rx, ry, rz = w[0] - x[6], w[1] - x[7], w[2] - x[8]
+    slack, normals, r = p.slack, p.normals, w[:3] - x[6:9]
     scale = 1.0 / np.sqrt(1.0 + p.mu * p.mu)
+    normals[:4] = 0.0
     for k in range(4):
         axis = 0 if k < 2 else 1
         sign = -scale if k % 2 == 0 else scale
-        for i in range(3):
-            normals[k, i] = 0.0
         normals[k, axis] = sign
         normals[k, 2] = p.mu * scale
-        slack[k] = sign * (rx if axis == 0 else ry) + p.mu * scale * rz
-    length = np.sqrt(rx * rx + ry * ry + rz * rz)
+        slack[k] = sign * r[axis] + p.mu * scale * r[2]
+    length = np.sqrt(r @ r)
     side = 1.0
     slack[4] = length - p.shortest
     if p.longest - length < slack[4]:
         slack[4], side = p.longest - length, -1.0
-    scaled = side / max(length, 1e-12)
-    normals[4, 0], normals[4, 1], normals[4, 2] = rx * scaled, ry * scaled, rz * scaled
+    normals[4] = r * (side / np.maximum(length, 1e-12))
 
 
 @kernel
@@ -223,17 +220,10 @@ def _margin(x: Vector, w: Vector, p: MarginRecord) -> tuple[float, float]:
     slacks.
     """
     _slacks(x, w, p)
-    energy = 0.0
-    for i in range(3):
-        e, v = x[i] - w[i], x[3 + i]
-        energy += p.p_11 * e * e + 2.0 * p.p_12 * e * v + p.p_22 * v * v
-    level = p.normal_level
-    inside = True
-    for k in range(5):
-        if p.slack[k] <= 0.0:
-            inside = False
-        level = min(level, p.slack[k] * abs(p.slack[k]) / p.inverse_11)
-    return (level - energy if inside else min(level, 0.0) - energy), energy
+    e, v = x[:3] - w[:3], x[3:6]
+    energy = np.sum(p.p_11 * e * e + 2.0 * p.p_12 * e * v + p.p_22 * v * v)
+    level = min(p.normal_level, np.min(p.slack * np.abs(p.slack)) / p.inverse_11)
+    return level - energy, energy
 
 
 @kernel
@@ -263,12 +253,9 @@ def _margin_update(x: Vector, x_r: Vector, dt: float, p: MarginRecord) -> float:
     # κ_m relative to the normal force's level, times the distance that this level allows.
     speed = GAIN * max(margin, 0.0) / p.normal_level * np.sqrt(p.normal_level / p.p_11)
     share = _largest_share(x, x_w, dt, speed, p)
-    for i in range(3):
-        step = share * dt * speed * p.field[i]
-        x_w[i] += step
-        x_w[3 + i] = 0.0
-        p.rate[i] = step / dt if dt > 0.0 else 0.0
-        p.rate[3 + i] = 0.0
+    step = share * dt * speed * p.field
+    x_w[:3] += step
+    p.rate[:3] = step / dt if dt > 0.0 else 0.0
     margin, energy = _margin(x, x_w, p)
     _margin_rows(p, energy, p.h_w)
     return margin
@@ -277,16 +264,11 @@ def _margin_update(x: Vector, x_r: Vector, dt: float, p: MarginRecord) -> float:
 @kernel
 def _navigation(x_r: Vector, x_w: Vector, p: MarginRecord) -> None:
     """Navigation field ρ: attraction to the target, and a push away from near constraints."""
-    distance = 0.0
-    for i in range(3):
-        p.field[i] = x_r[i] - x_w[i]
-        distance += p.field[i] * p.field[i]
-    distance = np.sqrt(distance)
-    for i in range(3):
-        p.field[i] /= max(distance, SMOOTHING)
-        for k in range(5):
-            if p.slack[k] < INFLUENCE:
-                p.field[i] += (INFLUENCE - p.slack[k]) / (INFLUENCE - LEAST_SLACK) * p.normals[k, i]
+    p.field[:] = x_r[:3] - x_w[:3]
+    p.field /= np.maximum(np.sqrt(p.field @ p.field), SMOOTHING)
+    for k in range(5):
+        if p.slack[k] < INFLUENCE:
+            p.field += (INFLUENCE - p.slack[k]) / (INFLUENCE - LEAST_SLACK) * p.normals[k]
 
 
 @kernel
@@ -294,9 +276,7 @@ def _largest_share(x: Vector, x_w: Vector, dt: float, speed: float, p: MarginRec
     """Share of the step, halved until the margin holds after it; zero where it never does."""
     share = 1.0
     for _ in range(8):
-        for i in range(3):
-            step = share * dt * speed * p.field[i]
-            p.trial[i] = x_w[i] + step
+        p.trial[:] = x_w[:3] + share * dt * speed * p.field
         after, _ = _margin(x, p.trial, p)
         if after >= 0.0:
             return share
@@ -308,6 +288,5 @@ def _largest_share(x: Vector, x_w: Vector, dt: float, speed: float, p: MarginRec
 def _margin_rows(p: MarginRecord, energy: float, h: Vector) -> None:
     """Rows in N: how much further the level set reaches to a constraint, in metres, times m k_p."""
     reach = np.sqrt(energy * p.inverse_11)
-    for k in range(5):
-        h[k] = p.newtons * (p.slack[k] - reach)
+    h[:5] = p.newtons * (p.slack - reach)
     h[5] = p.newtons * (np.sqrt(p.normal_level) - np.sqrt(energy)) * np.sqrt(p.inverse_11)

@@ -94,26 +94,26 @@ def polar_to_cartesian(w: Vector, foot: Vector, out: Vector, derivative: Vector)
     derivative[:, :] = 0.0
     # Columns of ∂c/∂(θ, φ, l).
     a = derivative[:3, :3]
-    a[0, 0], a[1, 0], a[2, 0] = length * ct * cp, length * ct * sp, -length * st
-    a[0, 1], a[1, 1], a[2, 1] = -length * st * sp, length * st * cp, 0.0
-    a[0, 2], a[1, 2], a[2, 2] = st * cp, st * sp, ct
+    a[:, 0] = length * ct * cp, length * ct * sp, -length * st
+    a[:, 1] = -length * st * sp, length * st * cp, 0.0
+    a[:, 2] = st * cp, st * sp, ct
     # Second derivatives times the rates: ∂ċ/∂(θ, φ, l).
     t, p, r = w[3], w[4], w[5]
     b = derivative[3:, :3]
-    b[0, 0] = -length * st * cp * t - length * ct * sp * p + ct * cp * r
-    b[1, 0] = -length * st * sp * t + length * ct * cp * p + ct * sp * r
-    b[2, 0] = -length * ct * t - st * r
-    b[0, 1] = -length * ct * sp * t - length * st * cp * p - st * sp * r
-    b[1, 1] = length * ct * cp * t - length * st * sp * p + st * cp * r
-    b[2, 1] = 0.0
-    b[0, 2] = ct * cp * t - st * sp * p
-    b[1, 2] = ct * sp * t + st * cp * p
-    b[2, 2] = -st * t
-    for i in range(3):
-        out[i] = foot[i] + length * a[i, 2]
-        out[3 + i] = a[i, 0] * t + a[i, 1] * p + a[i, 2] * r
-        for j in range(3):
-            derivative[3 + i, 3 + j] = a[i, j]
+    b[:, 0] = (
+        -length * st * cp * t - length * ct * sp * p + ct * cp * r,
+        -length * st * sp * t + length * ct * cp * p + ct * sp * r,
+        -length * ct * t - st * r,
+    )
+    b[:, 1] = (
+        -length * ct * sp * t - length * st * cp * p - st * sp * r,
+        length * ct * cp * t - length * st * sp * p + st * cp * r,
+        0.0,
+    )
+    b[:, 2] = ct * cp * t - st * sp * p, ct * sp * t + st * cp * p, -st * t
+    out[:3] = foot + length * a[:, 2]
+    out[3:] = a @ w[3:]
+    derivative[3:, 3:] = a
 
 
 @kernel(x=(9,), w=(6,), h=(1,), jacobian=(1, 6))
@@ -148,12 +148,8 @@ def multiplier(
     Returns:
         λ, N/m: the contact force is r λ.
     """
-    squared = max(
-        r[0] * r[0] + r[1] * r[1] + r[2] * r[2], 1e-24
-    )  # a body on the foot has no direction
-    s = u_r
-    for i in range(3):
-        s += r[i] * (cop_acceleration[i] - gravity[i] - thrust[i] / mass)
+    squared = np.maximum(r @ r, 1e-24)  # a body on the foot has no direction
+    s = u_r + r @ (cop_acceleration - gravity - thrust / mass)
     return float(s * mass / squared)
 
 
@@ -173,6 +169,4 @@ def leg_force(
     Args:
         out: (3,) force on the body, world axes, N.
     """
-    scale = multiplier(r, mass, gravity, thrust, u_r, cop_acceleration)
-    for i in range(3):
-        out[i] = scale * r[i]
+    out[:] = multiplier(r, mass, gravity, thrust, u_r, cop_acceleration) * r

@@ -315,46 +315,27 @@ def simulate_vlip(
 @kernel
 def _law(measured: Vector, reference: Vector, p: VlipRecord, thrust: Vector, force: Vector) -> None:
     """Thrust and contact force of the model under the projected law."""
-    r, still = np.empty(3), np.zeros(3)
-    for i in range(3):
-        r[i] = measured[i] - p.foot[i]
+    r = measured[:3] - p.foot
     u_r = centre_feedback(r, measured[:3], measured[3:6], reference, PROJECTED, p, thrust)
-    if p.carry != 0.0:
-        gravity = p.gravity
-        along = (r[0] * gravity[0] + r[1] * gravity[1] + r[2] * gravity[2]) / (
-            r[0] ** 2 + r[1] ** 2 + r[2] ** 2
-        )
-        for i in range(3):
-            thrust[i] -= p.carry * (gravity[i] - r[i] * along)
-    leg_force(r, p.mass, p.gravity, thrust, u_r, still, force)
+    thrust -= p.carry * (p.gravity - r * (r @ p.gravity / (r @ r)))
+    leg_force(r, p.mass, p.gravity, thrust, u_r, np.zeros(3), force)
 
 
 @kernel
 def _derivative(x: Vector, reference: Vector, p: VlipRecord, out: Vector) -> None:
     thrust, force = np.empty(3), np.empty(3)
     _law(x, reference, p, thrust, force)
-    for i in range(3):
-        out[i] = x[3 + i]
-        out[3 + i] = p.gravity[i] + (thrust[i] + force[i]) / p.mass
+    out[:3] = x[3:]
+    out[3:] = p.gravity + (thrust + force) / p.mass
 
 
 @kernel
 def _runge_kutta(measured: Vector, reference: Vector, p: VlipRecord, dt: float) -> None:
     """One classical fourth-order step of the closed loop with the reference held."""
-    x = np.empty(6)
+    x = measured[:6]
     k1, k2, k3, k4 = np.empty(6), np.empty(6), np.empty(6), np.empty(6)
-    _derivative(measured, reference, p, k1)
-    _move(measured, 0.5 * dt, k1, x)
-    _derivative(x, reference, p, k2)
-    _move(measured, 0.5 * dt, k2, x)
-    _derivative(x, reference, p, k3)
-    _move(measured, dt, k3, x)
-    _derivative(x, reference, p, k4)
-    for i in range(6):
-        measured[i] += dt / 6.0 * (k1[i] + 2.0 * k2[i] + 2.0 * k3[i] + k4[i])
-
-
-@kernel
-def _move(x: Vector, dt: float, rate: Vector, out: Vector) -> None:
-    for i in range(6):
-        out[i] = x[i] + dt * rate[i]
+    _derivative(x, reference, p, k1)
+    _derivative(x + 0.5 * dt * k1, reference, p, k2)
+    _derivative(x + 0.5 * dt * k2, reference, p, k3)
+    _derivative(x + dt * k3, reference, p, k4)
+    x += dt / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)

@@ -285,11 +285,7 @@ def browser() -> Iterator[Any]:
 
 @pytest.fixture(scope="session")
 def whole_document(tmp_path_factory: pytest.TempPathFactory) -> dict[str, object]:
-    """A result of the comparison, as small as it gets.
-
-    Two numbers of faces give a slope, and one robot from elsewhere, where it is installed, shows
-    that there may be others.
-    """
+    """A result of the comparison, as small as it gets."""
     root = str(Path(__file__).resolve().parents[1])
     if root not in sys.path:
         sys.path.insert(0, root)  # the comparison lives in the checkout, not in the wheel
@@ -298,7 +294,6 @@ def whole_document(tmp_path_factory: pytest.TempPathFactory) -> dict[str, object
     from comparison.campaign.store import Store
     from comparison.campaign.walks import walk_task
     from comparison.measure.timing import TimingSettings
-    from comparison.sections import growth
 
     timing = TimingSettings(repetitions=2, warm_up=10, block=60, settle=5, programs=40, samples=5)
     campaign = CampaignSettings(walks=1, duration=1.5)
@@ -306,7 +301,5 @@ def whole_document(tmp_path_factory: pytest.TempPathFactory) -> dict[str, object
     with Store(rows) as store:
         for task in plan(campaign):
             store.append(task.key(code), {"measures": walk_task(task)})
-    settings = Settings(duration=0.25, faces=(4, 8), timing=timing, campaign=campaign)
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(growth, "ROBOTS", {"Bolt": growth.ROBOTS["Bolt"]})
-        return compare(settings, rows=rows)
+    settings = Settings(duration=0.25, timing=timing, campaign=campaign)
+    return compare(settings, rows=rows)

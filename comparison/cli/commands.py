@@ -15,6 +15,7 @@ from comparison.campaign.summary import variants_table
 from comparison.campaign.walks import exceptions_table, run_campaign, with_reasons
 from comparison.cli.output import (
     NO_EVIDENCE,
+    FigureFile,
     NumbersFile,
     Quick,
     Scheduler,
@@ -34,12 +35,13 @@ from comparison.peers.compare import (
 from comparison.peers.environment import PEERS, WORLDS, default_folder
 from comparison.peers.environment import install as install_peer
 from comparison.report.answer import answer_of, passed
-from comparison.report.report import figures_of, picture_of, tables_of, write_report
+from comparison.report.figures import pareto_figure
+from comparison.report.report import pareto_table, write_report
 from comparison.tuning.tune import TuneSettings, tuning_tables
 from comparison.tuning.tune import tune as search_settings
 from harpy_pin import checks
 from harpy_pin.cli.output import Force
-from harpy_pin.files import OwnFolder, check_writable, replacing
+from harpy_pin.files import OwnFolder, check_writable
 
 
 def whole(
@@ -53,10 +55,7 @@ def whole(
     ] = "out/comparison",
     force: Force = False,
     json: NumbersFile = None,
-    figures: Annotated[
-        Path | None,
-        typer.Option("--figures", metavar="DIR", help="Also save pareto.png and growth.png there."),
-    ] = None,
+    figure: FigureFile = None,
     seed: Annotated[
         int,
         typer.Option(help="Seed of the pushes and of the order in which controllers are timed."),
@@ -71,9 +70,9 @@ def whole(
 ) -> None:
     """Compare reference governors, the condensed controller and a QP whole-body controller.
 
-    Walks of the same robot are recorded. Their states are then replayed through every controller
-    and timed: the complete tick, its phases, isolated governor updates and isolated solves. Every
-    timed command is checked against an untimed one. Then every controller walks a campaign of
+    Walks of the same robot are recorded. Their states are then replayed and timed: the complete
+    tick of every controller, governor updates alone and solves alone. Every timed command is
+    checked against an untimed one. Then every controller walks a campaign of
     randomly drawn scenarios. The command prints its answer: which controllers keep the feet from
     slipping, and what a tick costs. A CSV file has the numbers of all tables, a JSON file also what
     was checked, and the limitations.
@@ -88,17 +87,13 @@ def whole(
     given |= {} if duration is None else {"duration": duration}
     settings = Settings.quick(**given) if quick else Settings(**given)
     folder = OwnFolder(out, force=force)
-    if figures is not None:
-        check_writable(figures / "pareto.png")
+    if figure is not None:
+        check_writable(figure)
     with writing(json) as document, stages() as progress, workers(scheduler):
         document |= compare(settings, progress, rows=folder.place("campaign.jsonl"))
     write_report(folder, document)
-    if figures is not None:
-        for name, figure in figures_of(
-            {table.name: table for table in tables_of(document)}
-        ).items():
-            with replacing(figures / f"{name}.png") as file:
-                file.write(picture_of(figure))
+    if figure is not None:
+        pareto_figure(pareto_table(document)).savefig(figure)
     typer.echo(
         answer_of(document).to_string(folder.path / "results.csv")
         + (f"\n{NO_EVIDENCE}" if quick else "")

@@ -26,6 +26,10 @@ NumbersFile = Annotated[
     Path | None,
     typer.Option("--json", metavar="FILE", help="Also write every number to this file, as JSON."),
 ]
+FigureFile = Annotated[
+    Path | None,
+    typer.Option("--figure", metavar="FILE", help="Also draw this figure, such as map.png."),
+]
 Quick = Annotated[bool, typer.Option("--quick", help="A few short ones: to see whether it works.")]
 Scheduler = Annotated[
     str | None,

@@ -42,7 +42,7 @@ DRAWN: Mapping[str, str] = {
 """Figures of docs/images, by the study that draws them."""
 
 _COMPARED: Mapping[str, str] = {
-    "comparison": "--figures docs/images",
+    "comparison": "--figure docs/images/pareto.png",
     "peers": "peers",
     **CAMPAIGNS,
     **{

@@ -14,7 +14,15 @@ import typer
 
 from comparison import studies
 from comparison.campaign.cluster import workers
-from comparison.cli.output import NumbersFile, Quick, Scheduler, print_tables, stages, writing
+from comparison.cli.output import (
+    FigureFile,
+    NumbersFile,
+    Quick,
+    Scheduler,
+    print_tables,
+    stages,
+    writing,
+)
 from comparison.study import Study
 from harpy_pin.files import check_writable
 
@@ -47,12 +55,7 @@ def command_of(study: Study) -> Callable[..., None]:
             ),
         ] = None,
         json: NumbersFile = None,
-        figure: Annotated[
-            Path | None,
-            typer.Option(
-                "--figure", metavar="FILE", help="Also draw this figure, such as map.png."
-            ),
-        ] = None,
+        figure: FigureFile = None,
         scheduler: Scheduler = None,
         **options: Any,
     ) -> None:

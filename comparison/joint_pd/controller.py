@@ -36,6 +36,7 @@ from harpy_pin.model.record import RecordOf, field, make_record, sized
 from harpy_pin.model.state import Vector
 from harpy_pin.model.terms import update_terms
 from harpy_pin.model.vectors import rotation_in_plane, skew
+from harpy_pin.simulation.plant import GRAVITY
 
 GAINS_FILE = Path(__file__).with_name("gains.json")
 """What the search wrote: gains by robot, and what they came to."""
@@ -45,8 +46,6 @@ MAX_RATE = 500.0
 """Largest ratio of a joint's damping to its inertia where all other joints are free, 1/s: light
 ones have smaller gains, as those of :mod:`harpy_pin.controllers.joint_targets`.
 """
-GRAVITY = 9.81
-"""m/s²."""
 LOWERING = 4.0
 """Rate at which the body goes down from the posture to the height of the walk, 1/s."""
 MOMENT = 0.1

@@ -161,29 +161,6 @@ def summarise_repetitions(laps: Sequence[Laps], overhead_ns: float = 0.0) -> dic
     return {**summarise(laps, overhead_ns), "low_us": min(medians), "high_us": max(medians)}
 
 
-def ratio_of_medians(
-    slow: Sequence[Laps], fast: Sequence[Laps], overhead_ns: float = 0.0
-) -> dict[str, Any]:
-    """Ratio of two medians within each repetition, and the median of these ratios.
-
-    Within a repetition the machine's speed is nearly the same for both; a ratio of medians over all
-    repetitions (``pooled``) compares times of different speeds where a machine changes it.
-    """
-
-    def median(times: Laps) -> float:
-        return max(float(np.median(times)) - overhead_ns, 1.0)
-
-    each = [median(a) / median(b) for a, b in zip(slow, fast, strict=True)]
-    whole = median(np.concatenate(slow)) / median(np.concatenate(fast))
-    return {
-        "p50": float(np.median(each)),
-        "min": min(each),
-        "max": max(each),
-        "pooled": whole,
-        "repetitions": each,
-    }
-
-
 def describe_machine() -> dict[str, Any]:
     """Processor, cores, operating system, and how busy the machine is already."""
     affinity, file = getattr(os, "sched_getaffinity", None), Path("/proc/cpuinfo")

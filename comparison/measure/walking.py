@@ -6,7 +6,7 @@ import hashlib
 import multiprocessing
 import os
 import warnings
-from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterable, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextvars import ContextVar
@@ -16,13 +16,12 @@ from itertools import count
 from typing import Any, TypeVar
 
 import numpy as np
-import pinocchio as pin
 
 import harpy_pin as hp
-from comparison.contenders import OWN, controller_part
+from comparison.contenders import controller_part
 from comparison.measure.interrupts import without_interrupts
-from harpy_pin import Disturbances, Ground, Robot, checks, make_gait
-from harpy_pin.model.state import State, Vector
+from harpy_pin import Disturbances, Ground, Robot, make_gait
+from harpy_pin.model.state import State
 
 Progress = Callable[[int, int], None]
 """Called after every piece of work with how many are done, and of how many."""
@@ -128,18 +127,6 @@ def as_far_as_it_goes(walked: Callable[[], hp.Run]) -> hp.Run:
         return run
 
 
-TIMED = {
-    "ungoverned": "governed/none",
-    "governed": "governed/paper",
-    "condensed": "condensed",
-    "own search": OWN,
-    "wbc": "wbc",
-}
-"""Contenders whose ticks are taken apart, by the names of their rows: ``wbc`` is the whole-body QP
-by ProxQP, ``own search`` the same program by this library's own.
-"""
-
-
 def scenario_of(name: str, friction: float, **changes: Any) -> hp.Scenario:
     """A contender's walk at the gait's default speed.
 
@@ -150,9 +137,8 @@ def scenario_of(name: str, friction: float, **changes: Any) -> hp.Scenario:
 
 
 def make_contender(name: str, robot: Robot, friction: float) -> Any:
-    """A new controller with a gait of its own, by its name in :data:`TIMED`."""
-    checks.one_of("contender", name, TIMED)
-    return controller_part(TIMED[name]).make(make_gait(robot), mu=friction, period=1e-3)
+    """A new controller with a gait of its own, by the name of its contender."""
+    return controller_part(name).make(make_gait(robot), mu=friction, period=1e-3)
 
 
 @dataclass(frozen=True)
@@ -183,11 +169,17 @@ class StateSequence:
         return total.hexdigest()
 
 
+def standing_ground(robot: Robot, friction: float) -> Ground:
+    """Ground into which the feet of a robot that stands sink by 1 mm."""
+    weight = robot.mass * hp.simulation.GRAVITY
+    return Ground(mu_s=friction, stiffness=weight / (len(robot.feet) * 1e-3))
+
+
 def recorded_walk(name: str, *, friction: float, duration: float, impulse: float = 0.0) -> hp.Run:
     """Walk in closed loop; the log ends early if the robot falls.
 
     Args:
-        name: of :data:`TIMED`, or of :func:`scenario_of`.
+        name: of :func:`scenario_of`.
         friction: of the ground, which the controller knows.
         duration: s.
         impulse: of a lateral push to alternating sides in every second, N·s: many touchdowns and
@@ -199,9 +191,7 @@ def recorded_walk(name: str, *, friction: float, duration: float, impulse: float
         for k, t in enumerate(times)
     )
     disturbances = Disturbances(pushes=pushes)
-    return hp.walk(
-        scenario_of(TIMED.get(name, name), friction, duration=duration, disturbances=disturbances)
-    )
+    return hp.walk(scenario_of(name, friction, duration=duration, disturbances=disturbances))
 
 
 def record_states(name: str, run: hp.Run, *, least: int) -> StateSequence:
@@ -219,27 +209,3 @@ def record_states(name: str, run: hp.Run, *, least: int) -> StateSequence:
             State(float(t), *(array[i].copy() for array in arrays)) for i, t in enumerate(run["t"])
         ),
     )
-
-
-def sway(
-    robot: Robot, posture: Vector, amplitude: Vector, phases: Vector, rate: float, force: Vector
-) -> Iterator[State]:
-    """A state every millisecond of a robot that sways about a posture, with these forces on its
-    feet.
-
-    Args:
-        robot: which.
-        posture: (nq,) configuration in the middle.
-        amplitude: (nv,) of each direction, m and rad.
-        phases: (ticks,) of the sway, rad.
-        rate: with which the phase grows, rad/s.
-        force: (feet, 3) world axes, N.
-    """
-    dynamics = hp.Dynamics(robot)
-    for k, phase in enumerate(phases):
-        q = pin.integrate(robot.model, posture, amplitude * np.sin(phase))
-        v = rate * np.cos(phase) * amplitude
-        dynamics.update(q, v)
-        yield State(
-            0.001 * k, q, v, dynamics.foot_position.copy(), dynamics.foot_velocity.copy(), force
-        )

@@ -14,12 +14,12 @@ from typing import Any
 import numpy as np
 
 import harpy_pin as hp
-from comparison.measure.walking import StateSequence, record_states, recorded_walk
+from comparison.measure.walking import StateSequence, record_states, recorded_walk, standing_ground
 from comparison.peers.peer_problem import Case, common_program
 
 FRICTION = 0.6
 """Of the ground of all but Harpy."""
-HARPY = ("governed", "condensed")
+HARPY = ("governed/paper", "condensed")
 """Whose walks give Harpy's states."""
 SHIFT_PERIOD = 2.0
 """Time in which the weight is shifted and comes back, s."""
@@ -29,8 +29,6 @@ PUSHES = ((0.5, (0.0, 1.0)), (1.0, (1.0, 0.0)), (1.5, (0.0, -1.0)))
 """Times, s, and horizontal directions."""
 PUSH = 0.05
 """Impulse of a push over the mass, m/s."""
-SINK = 1e-3
-"""How deep feet sink in where a robot stands, m: it makes the ground's stiffness."""
 FREE_ANKLES = 10.0
 """Weight of the legs' joints on points: only that cost decides the accelerations of the ankles."""
 
@@ -98,14 +96,11 @@ def _recorded(name: str, gait: hp.Gait, duration: float, least: int, push: float
     pushes = tuple(
         hp.Push(t, (robot.mass * push * x, robot.mass * push * y, 0.0)) for t, (x, y) in times
     )
-    ground = hp.Ground(mu_s=FRICTION)
-    if push:
-        ground = hp.Ground(
-            mu_s=FRICTION, stiffness=robot.mass * hp.simulation.GRAVITY / (len(robot.feet) * SINK)
-        )
-    disturbances = hp.Disturbances(pushes=pushes)
     scenario = hp.Scenario(
-        controller="condensed", ground=ground, disturbances=disturbances, duration=duration
+        controller="condensed",
+        ground=standing_ground(robot, FRICTION) if push else hp.Ground(mu_s=FRICTION),
+        disturbances=hp.Disturbances(pushes=pushes),
+        duration=duration,
     )
     run = hp.walk(scenario, gait=gait)
     if run.ending != "completed":

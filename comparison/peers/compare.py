@@ -169,10 +169,6 @@ def _largest(quantity: str) -> Value:
     return lambda rows: rows[0]["difference_max"].get(quantity)
 
 
-def _file_name(row: dict[str, Any]) -> str:
-    return f"peers_{row['case']}".replace(",", "").replace(" ", "_")
-
-
 _LIMITS = ", ".join(f"{name} {value:g} {UNITS[name]}" for name, value in TOLERANCE.items())
 _OF_CONTENDERS = (
     View(
@@ -188,7 +184,7 @@ _OF_CONTENDERS = (
         only=lambda row: bool(row.get("times")),
     ),
     View(
-        _file_name,
+        lambda row: f"peers_{row['case']}".replace(",", "").replace(" ", "_"),
         "Peers, {case}: complete tick, µs",
         row="{name}",
         columns={

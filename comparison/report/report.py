@@ -1,24 +1,17 @@
-"""The report: every table and figure of the comparison, and all its numbers as JSON and CSV."""
+"""The report: every table of the comparison, and all its numbers as JSON and CSV."""
 
 from __future__ import annotations
 
-import io
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from comparison.campaign.summary import summary_tables
 from comparison.contenders import label
-from comparison.measure.walking import TIMED
 from comparison.report.answer import answer_of
-from comparison.report.figures import growth_figure, pareto_figure
-from comparison.sections.growth import growth_tables
-from comparison.sections.ticks import formulations_table, simulator_table, ticks_tables
-from comparison.sections.timing import timing_tables
+from comparison.sections.ticks import formulations_table, simulator_table, ticks_table
+from comparison.sections.timing import timing_table
 from comparison.tables import Cell, Table, in_columns, to_csv
 from harpy_pin.files import OwnFolder, json_text
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 MEASURES = {
     "fell": "fell",
@@ -42,19 +35,20 @@ def tables_of(document: Mapping[str, Any]) -> list[Table]:
     """Every table of the report, in its order."""
     friction, walk = document["settings"]["friction"], document["walk"]
     cells = (
-        Cell(text, who, walk[who][measure]) for measure, text in MEASURES.items() for who in TIMED
+        Cell(text, label(who), of[measure])
+        for measure, text in MEASURES.items()
+        for who, of in walk.items()
     )
     return [
         answer_of(document).table(),
         pareto_table(document),
-        *timing_tables(document["timing"], friction),
+        timing_table(document["timing"], friction),
         Table("walk", f"One undisturbed walk of each, friction {friction:g}", tuple(cells)),
         _flat(document["checks"], "checks", "Checks of what was timed"),
         _flat(document["activity"], "activity", "Activity of governor and solver"),
-        *ticks_tables(document["ticks"]),
+        ticks_table(document["ticks"]),
         formulations_table(document["formulations"], friction),
         *summary_tables(document["campaign"]),
-        *growth_tables(document["growth"]),
         simulator_table(document["simulator"]),
         *(
             _flat(document[key], key, key.capitalize())
@@ -103,19 +97,7 @@ def pareto_table(document: Mapping[str, Any]) -> Table:
     return Table("pareto", title, tuple(cells), note)
 
 
-def figures_of(tables: Mapping[str, Table]) -> dict[str, Figure]:
-    """The figures, by name."""
-    return {"pareto": pareto_figure(tables["pareto"]), "growth": growth_figure(tables)}
-
-
 def write_report(folder: OwnFolder, document: Mapping[str, Any]) -> None:
     """Write ``results.json``, and ``results.csv`` with every number of the tables."""
     tables = to_csv(tables_of(document))
     folder.write({"results.json": json_text(document), "results.csv": tables})
-
-
-def picture_of(figure: Figure) -> bytes:
-    """A figure as PNG."""
-    out = io.BytesIO()
-    figure.savefig(out, format="png", dpi=160)
-    return out.getvalue()

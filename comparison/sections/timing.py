@@ -1,11 +1,8 @@
-"""How long each controller takes for the same states, and whether what was timed is what should
-have come out.
+"""How long an update of the paper's governor takes, and a solve of the program, each alone; and
+whether what was timed is right.
 
-Complete ticks, phases, isolated governor updates and isolated solves are timed in separate replays,
-so that clocks between the phases add nothing to the complete tick. All replays are interleaved.
-Reference results come from further controllers that are not timed; the program's solutions are
-checked against its own optimality conditions, so that no statement rests only on what the solver
-reports.
+Inputs and references come from controllers that are not timed; solutions are checked against the
+program's own optimality conditions, so that no statement rests only on what the solver reports.
 """
 
 from collections.abc import Mapping, Sequence
@@ -16,18 +13,17 @@ import numpy as np
 from scipy.optimize import nnls
 
 import harpy_pin as hp
+from comparison.contenders import OWN
 from comparison.measure.replay import (
-    WBC_PHASES,
     GovernorTrace,
     IsolatedGovernor,
     IsolatedSolver,
     TickReplay,
-    WholeBodyChain,
     replay,
 )
-from comparison.measure.timing import Bench, Laps, Timed, ratio_of_medians, summarise
-from comparison.measure.walking import TIMED, StateSequence, make_contender
-from comparison.tables import Cell, Table, percentiles
+from comparison.measure.timing import Bench, Timed, summarise
+from comparison.measure.walking import StateSequence, make_contender
+from comparison.tables import Table, percentiles
 from harpy_pin.model.state import Command, State, Vector
 
 ACTIVE = 1e-3
@@ -115,13 +111,6 @@ class RecordedPrograms(TickReplay):
                 self.stationarity.append(stationarity(program, solution.z))
 
 
-TICK_RATIOS = (
-    *((slow, "governed") for slow in ("wbc", "own search", "condensed")),
-    *(("condensed", fast) for fast in ("wbc", "own search")),
-)
-"""Whose complete ticks are divided by whose, by names of :data:`TIMED`."""
-
-
 @dataclass(frozen=True)
 class ExpectedReplay:
     """What should come out of one sequence."""
@@ -130,14 +119,9 @@ class ExpectedReplay:
     # the same inputs and what a governor makes of them that assumes no friction, so that rows are
     # violated throughout
     strained: GovernorTrace
-    program: RecordedPrograms  # the quadratic programs, and their solutions by our own search
-    proxqp: RecordedPrograms  # what ProxQP says of them
-    commands: dict[str, Vector]  # (ticks, size) of each contender
-
-    @property
-    def solved(self) -> dict[str, RecordedPrograms]:
-        """Both solvers of the program in ticks, by name."""
-        return {"proxqp": self.proxqp, "own": self.program}
+    # the quadratic programs, their solutions by our own search, and what that says of them; then
+    # what ProxQP says of them
+    solved: Mapping[str, RecordedPrograms]
 
 
 def record_expected(
@@ -148,24 +132,20 @@ def record_expected(
     Programs are kept from the first on; at most so many samples of solutions are checked for
     stationarity.
     """
-    controllers = {name: make_contender(name, robot, friction) for name in TIMED}
-    controllers["governed"].governor = recorder = RecordingGovernor(
-        controllers["governed"].governor
-    )
-    replays = {
-        name: TickReplay(controllers[name]) for name in ("ungoverned", "governed", "condensed")
-    }
-    replays["own search"] = program = RecordedPrograms(
-        controllers["own search"], keep=keep, samples=samples
-    )
-    replays["wbc"] = proxqp = RecordedPrograms(controllers["wbc"], keep=0, samples=samples)
-    commands = {name: replay(timer, sequence.states).commands for name, timer in replays.items()}
+    governed = make_contender(GOVERNED, robot, friction)
+    governed.governor = recorder = RecordingGovernor(governed.governor)
+    replay(TickReplay(governed), sequence.states)
+    solved = {}
+    for name, contender, kept in (("own", OWN, keep), ("proxqp", "wbc", 0)):
+        qp = make_contender(contender, robot, friction)
+        solved[name] = RecordedPrograms(qp, keep=kept, samples=samples)
+        replay(solved[name], sequence.states)
     trace = recorder.trace()
-    strained = RecordingGovernor(make_contender("governed", robot, 0.0).governor)
+    strained = RecordingGovernor(make_contender(GOVERNED, robot, 0.0).governor)
     strained.reset(trace.start)
     for x, x_r in zip(trace.measured, trace.references, strict=True):
-        strained.update(x, x_r, controllers["governed"].period)
-    return ExpectedReplay(trace, strained.trace(), program, proxqp, commands)
+        strained.update(x, x_r, governed.period)
+    return ExpectedReplay(trace, strained.trace(), solved)
 
 
 def stationarity(program: hp.wbc.QuadraticProgram, z: Vector) -> float:
@@ -186,48 +166,36 @@ def stationarity(program: hp.wbc.QuadraticProgram, z: Vector) -> float:
     return float(np.abs(slope).max())
 
 
-COMMAND_TOLERANCE = 1e-6
-"""Largest accepted difference between a timed command and the expected one, N and N·m."""
+GOVERNED = "governed/paper"
+"""Whose governor is timed."""
 
-PROXQP_SHARE = 0.05
-"""Largest accepted share of the commands by ProxQP that differ; those of the others must not differ
-at all.
-
-Where a program is hard (the robot falls, say), the point at which an iterative solver stops depends
-on rounding, and that on where its memory lies. Such ticks are counted and shown.
-"""
+GOVERNOR_TOLERANCE = 1e-6
+"""Largest accepted difference between a timed reference and the expected one, m and m/s."""
 
 OPTIMAL = 1e-6
 """Residual of stationarity, or relative gap of the objective, up to which a solution counts as
 optimal.
 """
 
-PHASES = {
-    "tick": "complete tick",
-    "kinematics": "gait, rigid-body terms",
-    "build": "build: tasks, program",
-    "solve": "solve",
-    "finish": "torques, thrusts",
-    "chain": "phases together",
-    "governor_alone": "governor update, isolated",
-    "governor_alone_violated": "the same, rows violated",
-    "solve_alone": "solve, isolated, own search",
-    "solve_alone_proxqp": "solve, isolated, ProxQP, warm",
-    "solve_alone_daqp": "solve, isolated, DAQP",
+ROWS = {
+    "governor_alone": "governed: governor update, isolated",
+    "governor_alone_violated": "governed: the same, rows violated",
+    "solve_alone": "wbc: solve, isolated, own search",
+    "solve_alone_proxqp": "wbc: solve, isolated, ProxQP, warm",
+    "solve_alone_daqp": "wbc: solve, isolated, DAQP",
 }
 """What is timed, as readers see it."""
 
-_CHAINS = {"own search/chain": WBC_PHASES, "wbc/chain": WBC_PHASES}
+_SOLVERS = {"solve_alone": "active_set", "solve_alone_proxqp": "proxqp", "solve_alone_daqp": "daqp"}
 
 
-def time_contenders(bench: Bench, sequences: Sequence[StateSequence]) -> dict[str, dict[str, Any]]:
-    """Time all contenders on all sequences.
+def time_parts(bench: Bench, sequences: Sequence[StateSequence]) -> dict[str, dict[str, Any]]:
+    """Time governor and solvers on all sequences.
 
     Returns:
-        ``timing``: summaries of each contender's tick and phases, and the ratios; ``checks``: what
-            was checked, and
-        whether it held (``passed``); ``activity``: share of ticks with violated rows, and the
-        solver's iterations.
+        ``timing``: a summary of each of :data:`ROWS`; ``checks``: what was checked, and whether it
+        held (``passed``); ``activity``: share of ticks with violated rows, and the solvers'
+        iterations.
     """
     robot, friction, settings = bench.robot, bench.friction, bench.settings
     digests, expectations = [sequence.digest() for sequence in sequences], []
@@ -240,22 +208,42 @@ def time_contenders(bench: Bench, sequences: Sequence[StateSequence]) -> dict[st
         kept = {"keep": settings.programs, "samples": settings.samples}
         expectations.append(record_expected(robot, friction, sequence, **kept))
         bench.on_pass()
-    run = _TimingRun(robot, friction)
+    governor, strained = (
+        IsolatedGovernor(governed.governor, governed.period)
+        for governed in (make_contender(GOVERNED, robot, mu) for mu in (friction, 0.0))
+    )
+    solvers = {
+        phase: IsolatedSolver(make_contender("wbc", robot, friction).problem.program, name)
+        for phase, name in _SOLVERS.items()
+    }
+    timed: dict[str, Timed] = {
+        "governor_alone": governor,
+        "governor_alone_violated": strained,
+        **solvers,
+    }
+    gaps: dict[str, list[Vector]] = {phase: [] for phase in solvers}
+    failures = dict.fromkeys(solvers, 0)
 
     def start(k: int) -> dict[str, Timed]:
-        run.start(sequences[k], expectations[k])
-        return run.timed
+        expected = expectations[k]
+        governor.start(expected.governor)
+        strained.start(expected.strained)
+        for solver in solvers.values():
+            solver.start(expected.solved["own"].programs, expected.solved["own"].solutions)
+        return timed
 
     def end(repetition: int, k: int) -> None:
-        run.compare(expectations[k], judge=repetition == 0)
+        for phase, solver in solvers.items() if repetition == 0 else ():
+            gaps[phase].append(solver.gaps[np.isfinite(solver.gaps)])
+            failures[phase] += solver.failures
         bench.on_pass()
 
     quiet = replace(bench, on_pass=lambda: None)  # a pass is one sequence here
     laps, overhead = quiet.repeat(start, [len(s) for s in sequences], block=settings.block, end=end)
-    unchanged = digests == [sequence.digest() for sequence in sequences]
+    by_name = dict(zip([sequence.name for sequence in sequences], expectations, strict=True))
     activity = {
-        sequence.name: {
-            "ticks": len(sequence),
+        name: {
+            "ticks": len(expected.governor.measured),
             "governor_rows_violated": expected.governor.active,
             "governor_infeasible": expected.governor.infeasible,
             "strained_rows_violated": expected.strained.active,
@@ -265,109 +253,31 @@ def time_contenders(bench: Bench, sequences: Sequence[StateSequence]) -> dict[st
                 for what, of in (("mean", np.mean), ("max", max))
             },
         }
-        for sequence, expected in zip(sequences, expectations, strict=True)
+        for name, expected in by_name.items()
     }
-    checks = run.checks([sequence.name for sequence in sequences], expectations, unchanged)
-    return {"timing": _summary(laps, overhead), "checks": checks, "activity": activity}
-
-
-class _TimingRun:
-    """The controllers that are timed, and their results so far."""
-
-    def __init__(self, robot: hp.Robot, friction: float) -> None:
-        self.compared = dict.fromkeys(TIMED, 0)
-        self.differing = dict.fromkeys(TIMED, 0)
-        self.command_difference = 0.0
-        governed = make_contender("governed", robot, friction)
-        self.replays: dict[str, TickReplay] = {
-            **{f"{name}/tick": TickReplay(make_contender(name, robot, friction)) for name in TIMED},
-            **{
-                key: WholeBodyChain(make_contender(key.partition("/")[0], robot, friction))
-                for key in _CHAINS
-            },
-        }
-        self.governor, self.strained = (
-            IsolatedGovernor(make_contender("governed", robot, mu).governor, governed.period)
-            for mu in (friction, 0.0)
-        )
-        solvers = {"solve_alone": "active_set"}
-        solvers |= {f"solve_alone_{name}": name for name in ("proxqp", "daqp")}
-        self.solvers = {
-            phase: IsolatedSolver(make_contender("wbc", robot, friction).problem.program, name)
-            for phase, name in solvers.items()
-        }
-        self.gaps: dict[str, list[Any]] = {phase: [] for phase in solvers}
-        self.failures = dict.fromkeys(solvers, 0)
-        self.timed: dict[str, Timed] = {
-            **self.replays,
-            "governed/governor_alone": self.governor,
-            "governed/governor_alone_violated": self.strained,
-            **{f"wbc/{phase}": solver for phase, solver in self.solvers.items()},
-        }
-
-    def start(self, sequence: StateSequence, expected: ExpectedReplay) -> None:
-        """Begin a sequence with every timer."""
-        for timer in self.replays.values():
-            timer.start(sequence.states)
-        self.governor.start(expected.governor)
-        self.strained.start(expected.strained)
-        for solver in self.solvers.values():
-            solver.start(expected.program.programs, expected.program.solutions)
-
-    def compare(self, expected: ExpectedReplay, *, judge: bool) -> None:
-        """Compare the commands of a finished sequence with the expected ones, and judge the
-        isolated solutions.
-        """
-        for key, timer in self.replays.items():
-            name = key.partition("/")[0]
-            difference = np.abs(timer.commands - expected.commands[name]).max(axis=1)
-            self.compared[name] += len(difference)
-            self.differing[name] += len(difference) - int(
-                np.count_nonzero(difference <= COMMAND_TOLERANCE)
-            )
-            self.command_difference = max(self.command_difference, float(difference.max()))
-        for phase, solver in self.solvers.items() if judge else ():
-            self.gaps[phase].append(solver.gaps[np.isfinite(solver.gaps)])
-            self.failures[phase] += solver.failures
-
-    def checks(
-        self, names: Sequence[str], expectations: Sequence[ExpectedReplay], unchanged: bool
-    ) -> dict[str, Any]:
-        """What was compared, what differed, and how good the solutions are."""
-        governor_difference = max(self.governor.difference, self.strained.difference)
-        checks: dict[str, Any] = {
-            "states_unchanged": unchanged,
-            "commands_compared": sum(self.compared.values()),
-            "commands_differing": sum(self.differing.values()),
-            "commands_differing_by_controller": dict(self.differing),
-            "command_difference_max": self.command_difference,
-            "governor_difference_max": governor_difference,
-        }
-        for solver in expectations[0].solved:
-            programs = {
-                name: expected.solved[solver]
-                for name, expected in zip(names, expectations, strict=True)
-            }
-            checks |= {f"{solver}_{what}": value for what, value in _checks_of(programs).items()}
-        for phase, parts in self.gaps.items():
-            gaps, name = np.concatenate(parts), phase.removeprefix("solve_")
-            checks[f"{name}_failures"] = self.failures[phase]
-            checks[f"{name}_compared"] = len(gaps)
-            checks[f"{name}_better"] = int(np.count_nonzero(gaps < -OPTIMAL))
-            checks[f"{name}_worse"] = int(np.count_nonzero(gaps > OPTIMAL))
-            checks[f"{name}_gap_max"] = float(np.abs(gaps).max()) if len(gaps) else None
-        checks["passed"] = bool(
-            unchanged
-            and not any(differing for name, differing in self.differing.items() if name != "wbc")
-            and self.differing["wbc"] <= PROXQP_SHARE * self.compared["wbc"]
-            and governor_difference <= COMMAND_TOLERANCE
-            and all(
-                np.isfinite(expected.commands[name]).all()
-                for expected in expectations
-                for name in TIMED
-            )
-        )
-        return checks
+    checks: dict[str, Any] = {
+        "states_unchanged": digests == [sequence.digest() for sequence in sequences],
+        "governor_difference_max": max(governor.difference, strained.difference),
+    }
+    for solver in ("proxqp", "own"):
+        programs = {name: expected.solved[solver] for name, expected in by_name.items()}
+        checks |= {f"{solver}_{what}": value for what, value in _checks_of(programs).items()}
+    for phase, parts in gaps.items():
+        gap, name = np.concatenate(parts), phase.removeprefix("solve_")
+        checks[f"{name}_failures"] = failures[phase]
+        checks[f"{name}_compared"] = len(gap)
+        checks[f"{name}_better"] = int(np.count_nonzero(gap < -OPTIMAL))
+        checks[f"{name}_worse"] = int(np.count_nonzero(gap > OPTIMAL))
+        checks[f"{name}_gap_max"] = float(np.abs(gap).max()) if len(gap) else None
+    checks["passed"] = bool(
+        checks["states_unchanged"] and checks["governor_difference_max"] <= GOVERNOR_TOLERANCE
+    )
+    timing = {phase: summarise(parts, overhead) for phase, parts in laps.items()}
+    return {
+        "timing": timing | {"timer_overhead_ns": overhead},
+        "checks": checks,
+        "activity": activity,
+    }
 
 
 def _checks_of(programs: Mapping[str, RecordedPrograms]) -> dict[str, Any]:
@@ -389,48 +299,10 @@ def _checks_of(programs: Mapping[str, RecordedPrograms]) -> dict[str, Any]:
     }
 
 
-def _summary(laps: Mapping[str, list[Laps]], overhead: float) -> dict[str, Any]:
-    timing: dict[str, Any] = {name: {} for name in TIMED}
-    for key, parts in laps.items():
-        name, what = key.split("/")
-        phases = _CHAINS.get(key, ("tick",))
-        if key in _CHAINS:
-            timing[name] |= {
-                p: summarise([part[:, k] for part in parts], overhead) for k, p in enumerate(phases)
-            }
-        each = [part.reshape(len(part), -1).sum(axis=1) for part in parts]
-        timing[name][what] = summarise(each, overhead * len(phases))
-    timing["ratios"] = {
-        f"{slow} / {fast}": ratio_of_medians(laps[f"{slow}/tick"], laps[f"{fast}/tick"], overhead)
-        for slow, fast in TICK_RATIOS
-    }
-    timing["solve_ratios"] = {
-        phase: ratio_of_medians(laps[f"wbc/{phase}"], laps["governed/governor_alone"], overhead)
-        for phase in timing["wbc"]
-        if phase.startswith("solve_alone")
-    }
-    timing["timer_overhead_ns"] = overhead
-    return timing
-
-
-def timing_tables(timing: Mapping[str, Any], friction: float) -> list[Table]:
-    """Times of ticks and phases, and their ratios."""
-    cells = [
-        cell
-        for contender in TIMED
-        for phase in PHASES
-        if phase in timing[contender]
-        for cell in percentiles(f"{contender}: {PHASES[phase]}", timing[contender][phase])
-    ]
+def timing_table(timing: Mapping[str, Any], friction: float) -> Table:
+    """The times of :func:`time_parts`."""
+    cells = [cell for phase, row in ROWS.items() for cell in percentiles(row, timing[phase])]
     note = f"The timer's own {timing['timer_overhead_ns']:.0f} ns are subtracted from every time."
-    rows = {f"complete tick, {name}": ratio for name, ratio in timing["ratios"].items()}
-    rows |= {
-        f"{PHASES[phase]} / governor update": ratio
-        for phase, ratio in timing["solve_ratios"].items()
-    }
-    ratios = tuple(Cell(row, "ratio", r["p50"], "", r["min"], r["max"]) for row, r in rows.items())
-    of_ratios = "Ratio of medians; in brackets the least and largest of the repetitions."
-    return [
-        Table("timing", f"Time per tick and phase, µs, friction {friction:g}", tuple(cells), note),
-        Table("ratios", f"Ratios, friction {friction:g}", ratios, of_ratios),
-    ]
+    return Table(
+        "timing", f"Time of each part alone, µs, friction {friction:g}", tuple(cells), note
+    )

@@ -17,7 +17,8 @@ import numpy as np
 import harpy_pin as hp
 from comparison.contenders import WALKERS, label
 from comparison.measure.walking import as_far_as_it_goes
-from comparison.study import Job, Rows, Study, View, grid, number_text, scenario_of
+from comparison.studies.slip import how_far, slip_of
+from comparison.study import Job, Study, View, grid, scenario_of
 from harpy_pin.gaits.straight import GaitParameters, StraightGait, penetration_offset_on
 from harpy_pin.model.catalogue import CATALOGUE, own_urdf
 
@@ -57,13 +58,7 @@ def built_gait(robot: str, speed: float) -> StraightGait:
 def _measured(job: Job) -> dict[str, Any]:
     scenario = scenario_of(job["walker"], job["friction"], duration=job["duration"])
     gait = built_gait(job["robot"], job["speed"])
-    found = hp.measure(as_far_as_it_goes(partial(hp.walk, scenario, gait=gait)))
-    return {"fell": found.fell, "stood_s": found.duration_s, "slip_mm": found.slip_mm_per_step}
-
-
-def _slip(rows: Rows) -> str:
-    (row,) = rows
-    return number_text(row["slip_mm"]) + (f" (fell {row['stood_s']:.1f} s)" if row["fell"] else "")
+    return how_far(as_far_as_it_goes(partial(hp.walk, scenario, gait=gait)))
 
 
 STUDY = Study(
@@ -87,7 +82,7 @@ STUDY = Study(
             "Slip per step, {robot}, in walks of {duration:g} s, mm",
             row=lambda row: label(row["walker"]),
             across="{friction:g}",
-            columns=_slip,
+            columns=slip_of,
         )
     ],
 )

@@ -17,7 +17,6 @@ import numpy as np
 import harpy_pin as hp
 from comparison.study import Job, Study, View, as_far_as_it_goes, grid, kept, median, share, where
 from harpy_pin.contrib.felt_ground import OnFeltGround
-from harpy_pin.ground.ground import walking_stiffness
 from harpy_pin.model.source import loaded_robot
 
 FRICTION = 0.6
@@ -97,14 +96,9 @@ def _run(one: Crossing, plant: str, seed: int) -> hp.Run:
     """Walk a try."""
     robot, terrain, velocity = loaded_robot(one.robot), one.ground(seed), (one.speed, 0.0, 0.0)
     harpy = one.robot == "harpy"
-    ground = hp.Ground(
-        mu_s=FRICTION,
-        terrain=terrain,
-        stiffness=hp.Ground.stiffness if harpy else walking_stiffness(robot),
-    )
     settings: dict[str, Any] = {
         "robot": one.robot,
-        "ground": ground,
+        "ground": hp.Ground(mu_s=FRICTION, terrain=terrain),
         "duration": one.duration,
         "plant": plant,
     }

@@ -232,10 +232,6 @@ def _of_all(name: str, together: Callable[[list[Any]], Any], digits: int) -> Val
     return lambda rows: "" if (found := value(rows)) is None else number_text(float(found), digits)
 
 
-def _slope(row: dict[str, Any]) -> str:
-    return f"{FLIGHTS[row['flight']].slope:g}°"
-
-
 def _cost_or_falls(rows: Rows) -> str:
     """The largest energy of tries that stand, and how many do not."""
     standing = [row for row in rows if row["stands"]]
@@ -310,7 +306,7 @@ STUDY = Study(
             "flights_uphill",
             "Energy, J/(N·m), level and uphill, and tries that fall",
             row=lambda row: row["flight"].partition(",")[0],
-            across=_slope,
+            across=lambda row: f"{FLIGHTS[row['flight']].slope:g}°",
             columns=_cost_or_falls,
             note="The largest of both controllers and engines.",
             only=lambda row: row["flight"] in _UPHILL,

@@ -11,7 +11,7 @@ import numpy as np
 
 import harpy_pin as hp
 from comparison.studies.crossings import PLANTS
-from comparison.studies.walking import BIPEDS, QUADRUPEDS, ground_of, push_from
+from comparison.studies.walking import BIPEDS, QUADRUPEDS, push_from
 from comparison.study import (
     Job,
     Rows,
@@ -53,7 +53,7 @@ def measured(job: Job) -> dict[str, Any]:
             schedule=schedule, velocity=((0.3, SPEEDS[job["speed"]] * gait.max_speed, 0.0, 0.0),)
         ),
         controller=hp.Condensed(),
-        ground=ground_of(robot, FRICTION),
+        ground=hp.Ground(mu_s=FRICTION),
         disturbances=hp.Disturbances(pushes=(push,)),
         duration=time + STANDS,
     )

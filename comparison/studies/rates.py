@@ -1,11 +1,9 @@
 """Measure how much this machine does in a second.
 
-Walks, environment steps and whole-body optima, the condensed controller's tick inside C, and a
-viewer's share of one.
+Environment steps and whole-body optima, and a viewer's share of a tick.
 """
 
 from collections.abc import Callable, Iterator
-from functools import cache
 from time import perf_counter, thread_time_ns
 from typing import Any
 
@@ -14,24 +12,12 @@ import numpy as np
 import harpy_pin as hp
 from comparison.study import Job, Study, View, grid, shown
 from harpy_pin.contrib.batch import CondensedBatch
-from harpy_pin.kernels.kernels import wait_for_all
 from harpy_pin.model.source import loaded_robot
 
-GROUNDS = {
-    "flat": hp.Ground(mu_s=0.6),
-    "up a slope of 10°": hp.Ground(mu_s=0.6, slope=float(np.radians(10.0))),
-    "up stairs": hp.Ground(mu_s=0.6, terrain=hp.ground.Stairs(rise=0.05)),
-}
 VIEWED = 1000
 """Ticks of a round that is viewed."""
-SHORTER = 10.0
-"""Longest walk on one of them, and longest one whose states make a batch, s."""
-
-
-def _walk(seconds: float) -> hp.Run:
-    return hp.build(
-        hp.Scenario(controller="condensed", ground=hp.Ground(mu_s=0.25), duration=seconds)
-    ).run()
+WALK = 10.0
+"""Length of the walk whose states make a batch, s."""
 
 
 def _rates(count: float, rounds: int, work: Callable[[], Any]) -> list[float]:
@@ -42,34 +28,6 @@ def _rates(count: float, rounds: int, work: Callable[[], Any]) -> list[float]:
         work()
         rates.append(count / (perf_counter() - begin))
     return rates
-
-
-def _real_time(settings: Job) -> list[float]:
-    """Simulated seconds."""
-    _walk(1.0)
-    wait_for_all()
-    return _rates(settings["seconds"], settings["rounds"], lambda: _walk(settings["seconds"]))
-
-
-def _ticks(walk: hp.Run) -> list[float]:
-    """µs of each tick after the first second, of which a clock's reading is a part."""
-    return [float(ns) * 1e-3 for ns in walk["tick_ns"][1000:]]
-
-
-def _ticks_on_terrain(settings: Job) -> list[float]:
-    """The same on a ground."""
-    every = _ticks_on_all(settings["rounds"], min(settings["seconds"], SHORTER))
-    return every[settings["on"]]
-
-
-@cache
-def _ticks_on_all(rounds: int, seconds: float) -> dict[str, list[float]]:
-    """On each ground, one walk after the other in turn."""
-    found: dict[str, list[float]] = {name: [] for name in GROUNDS}
-    for _ in range(rounds):
-        for name, ground in GROUNDS.items():
-            found[name] += _ticks(hp.build(hp.Scenario(ground=ground, duration=seconds)).run())
-    return found
 
 
 def _shares_of_a_viewer(settings: Job) -> list[float]:
@@ -115,7 +73,10 @@ def _optima(settings: Job) -> list[float]:
     robot, dtype = loaded_robot(settings["on"]), np.dtype(settings["dtype"]).type
     batch = CondensedBatch(robot, n, dtype=dtype)
     if robot.name == "harpy":
-        walk, gait = _walk(min(settings["seconds"], SHORTER)), hp.make_gait(robot, speed=0.3)
+        walk = hp.walk(
+            hp.Scenario(controller="condensed", ground=hp.Ground(mu_s=0.25), duration=WALK)
+        )
+        gait = hp.make_gait(robot, speed=0.3)
         chosen = random.integers(1000, len(walk), (n,))
         q, v, force = (walk[name][chosen].astype(dtype) for name in ("q", "v", "foot_force"))
         for i, row in enumerate(chosen):
@@ -134,26 +95,14 @@ def _optima(settings: Job) -> list[float]:
 
 def _jobs(s: Any) -> Iterator[Job]:
     kinds = [
-        *grid(kind=("walk", "tick")),
-        *grid(kind="terrain", on=GROUNDS),
         {"kind": "environments"},
+        *grid(kind="viewer", percentile=(50, 99)),
+        *grid(kind="optima", on=s.robots, dtype=("float64", "float32")),
     ]
-    kinds += grid(kind="viewer", percentile=(50, 99))
-    kinds += grid(kind="optima", on=s.robots, dtype=("float64", "float32"))
-    return (
-        kind | {"seconds": s.seconds, "size": s.size, "rounds": s.rounds, "seed": s.seed}
-        for kind in kinds
-    )
+    return (kind | {"size": s.size, "rounds": s.rounds, "seed": s.seed} for kind in kinds)
 
 
 FIGURES: dict[str, tuple[str, str, Callable[[Job], list[float]]]] = {
-    "walk": ("walk under the condensed controller, log included", "× real time", _real_time),
-    "tick": (
-        "condensed controller's tick inside C, gait included",
-        "µs",
-        lambda job: _ticks(_walk(job["seconds"])),
-    ),
-    "terrain": ("the same at friction 0.6, {on}", "µs", _ticks_on_terrain),
     "environments": ("Gymnasium environments, all cores", "steps/s", _environments),
     "viewer": (
         "a viewer's share of a tick in Python, {percentile} % of ticks below",
@@ -182,13 +131,12 @@ STUDY = Study(
     name="rates",
     help=__doc__,
     defaults={
-        "seconds": 60.0,  # of each walk
         "robots": ("harpy", "solo12", "g1"),  # of the batches of optima
         "size": 4096,  # robots of a batch, and environments
         "rounds": 15,  # of each figure; the median is told, and the best
         "seed": 0,  # of the actions, and of which states of a walk make a batch
     },
-    quick={"seconds": 10.0, "robots": ("harpy",), "size": 1024, "rounds": 3},
+    quick={"robots": ("harpy",), "size": 1024, "rounds": 3},
     timed=_jobs,
     measure=_measured,
     views=[

@@ -16,11 +16,10 @@ import pinocchio as pin
 import harpy_pin as hp
 from comparison.contenders import OWN_PART
 from comparison.measure.replay import time_ticks
+from comparison.measure.walking import standing_ground
 from comparison.study import Job, Study, Value, View, grid, shown, where
 from harpy_pin.model.state import Vector
 
-SINK = 1e-3
-"""How deep the feet sink in when the robot stands, m: it makes the ground's stiffness."""
 LEAN = 0.3
 """Share of the way from above the middle to above the first foot, by which the weight is
 shifted.
@@ -97,9 +96,7 @@ def run_standing(
     x, y, z = (robot.mass * part for part in push)
     scenario = hp.Scenario(
         controller=controller,
-        ground=hp.Ground(
-            mu_s=friction, stiffness=robot.mass * hp.simulation.GRAVITY / (len(robot.feet) * SINK)
-        ),
+        ground=standing_ground(robot, friction),
         disturbances=hp.Disturbances(pushes=(hp.Push(PUSH_AT, (x, y, z)),) if any(push) else ()),
         duration=duration,
     )

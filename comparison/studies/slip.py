@@ -6,6 +6,7 @@ slip in each step, and when the robot fell.
 
 from typing import Any
 
+import harpy_pin as hp
 from comparison.contenders import WALKERS, label
 from comparison.study import (
     Job,
@@ -18,21 +19,23 @@ from comparison.study import (
     scenario_of,
     walk_as_far_as_it_goes,
 )
-from harpy_pin import measure
 
 _COLOURS = ("#7a869a", "#c8553d", "#e09f3e", "#8e7cc3", "#4c956c", "#2c6e9b", "#1b1b1e")
 
 
 def _measured(job: Job) -> dict[str, Any]:
-    found = measure(
-        walk_as_far_as_it_goes(
-            scenario_of(job["walker"], job["friction"], duration=job["duration"])
-        )
-    )
+    scenario = scenario_of(job["walker"], job["friction"], duration=job["duration"])
+    return how_far(walk_as_far_as_it_goes(scenario))
+
+
+def how_far(run: hp.Run) -> dict[str, Any]:
+    """How far feet slip in a step, and how long the robot stood."""
+    found = hp.measure(run)
     return {"fell": found.fell, "stood_s": found.duration_s, "slip_mm": found.slip_mm_per_step}
 
 
-def _slip(rows: Rows) -> str:
+def slip_of(rows: Rows) -> str:
+    """The slip of one walk, and when it fell."""
     (row,) = rows
     return number_text(row["slip_mm"]) + (f" (fell {row['stood_s']:.1f} s)" if row["fell"] else "")
 
@@ -75,7 +78,7 @@ STUDY = Study(
             "Slip per step in walks of {duration:g} s, mm",
             row=lambda row: label(row["walker"]),
             across="{friction:g}",
-            columns=_slip,
+            columns=slip_of,
         )
     ],
     draw=_draw,

@@ -40,12 +40,10 @@ from comparison.study import (
 )
 from harpy_pin.contrib.preview import Preview
 from harpy_pin.gaits.planned import Planner
-from harpy_pin.simulation import GRAVITY
+from harpy_pin.ground.ground import walking_stiffness
 
 MOTORS = hp.Actuators(torque_share=1.0, no_load_share=1.0, stall_share=5.0)
 """Limits of the model: torques fall in the last fifth of the velocities."""
-SINK = 2e-3
-"""How deep the feet sink in when the robot stands on two of four, m."""
 REACHED = 0.9
 """Share of a speed that is reached, from the middle of the walk on."""
 SPEEDS: dict[str, tuple[tuple[float, ...], tuple[float, ...]]] = {
@@ -136,7 +134,7 @@ def scenario(job: Job) -> hp.Scenario:
     return hp.Scenario(
         robot=job["robot"],
         plant=job["plant"],
-        ground=hp.Ground(mu_s=friction, stiffness=robot.mass * GRAVITY / SINK),
+        ground=hp.Ground(mu_s=friction, stiffness=walking_stiffness(robot)),
         disturbances=hp.Disturbances(
             actuators=MOTORS, start_velocity=tuple(start.tolist()), pushes=pushes, seed=job["start"]
         ),
@@ -224,10 +222,6 @@ def bound(rows: Rows) -> float | None:
     return _bound(rows[0]["robot"]) if rows[0]["walker"] == "preview" else None
 
 
-def _stood(rows: Rows) -> str:
-    return f"{sum(map(_stands, rows))} of {len(rows)}"
-
-
 def _draw(figure: Any, rows: Rows) -> None:
     """The largest speed over the friction."""
     figure.set_size_inches(6.4, 3.4)
@@ -271,11 +265,6 @@ def _jobs(s: Any) -> Iterator[Job]:
 
 
 _AT_FULL_GRIP = {"what": "ahead", "friction": FRICTION}
-
-
-def _others(row: dict[str, Any]) -> str:
-    """What a walk is that is none at the largest speed."""
-    return f"{row['what']}, {row['speed']:g} m/s, {row['plant']}"
 
 
 STUDY = Study(
@@ -335,7 +324,7 @@ STUDY = Study(
             "Starts that stand",
             row=lambda row: f"{row['robot']}, {LABELS[row['walker']]}, {row['plant']}",
             across="{speed:g} m/s",
-            columns=_stood,
+            columns=lambda rows: f"{sum(map(_stands, rows))} of {len(rows)}",
             only=lambda row: _AT_FULL_GRIP.items() <= row.items(),
         ),
         View(
@@ -349,7 +338,7 @@ STUDY = Study(
         View(
             "speed_others",
             "Go2 in other ways",
-            row=_others,
+            row="{what}, {speed:g} m/s, {plant}",
             columns={
                 "walks": len,
                 "fell": lambda rows: sum(row["fell"] for row in rows),

@@ -44,10 +44,6 @@ soles.
 """
 PD_ROBOTS = (*QUADRUPEDS, "bolt")
 """Who has gains for it."""
-SINK = 2e-3
-"""How deep the feet sink in when the robot stands on two of four, m: it makes the ground's
-stiffness.
-"""
 FRICTION = {
     **dict.fromkeys(("course", "ticks"), 0.8),
     **{"course, friction 0.3": 0.3, "friction 0.1": 0.1},
@@ -105,11 +101,6 @@ def push_from(turn: float, impulse: float, time: float) -> hp.Push:
     return hp.Push(time, (impulse * np.cos(angle), impulse * np.sin(angle), 0.0))
 
 
-def ground_of(robot: hp.Robot, friction: float) -> hp.Ground:
-    """Ground into which a robot sinks by :data:`SINK`."""
-    return hp.Ground(mu_s=friction, stiffness=robot.mass * hp.simulation.GRAVITY / SINK)
-
-
 def scenario(job: Job) -> hp.Scenario:
     """What is walked; the same number has the same command, friction and push, whoever walks it."""
     robot = hp.load_robot(job["robot"])
@@ -141,7 +132,7 @@ def scenario(job: Job) -> hp.Scenario:
         controller=controller_part("condensed" if job["controller"] == PD else job["controller"]),
         plant=job["plant"],
         gait=hp.Walking(schedule=schedule, velocity=rows),
-        ground=ground_of(robot, friction),
+        ground=hp.Ground(mu_s=friction),
         disturbances=hp.Disturbances(pushes=pushes, **sensors),
         duration=job["duration"],
     )

@@ -21,7 +21,7 @@ from comparison.studies.walking import SIDES, course
 from comparison.study import Job, Rows, Study, View, commands, fell, grouped, mean, median, where
 from comparison.worlds.models import FEET, HUMANOIDS, MAKERS, PLAYGROUND, ROBOTS, VENDORS, world
 from comparison.worlds.walk import POLICY, STANDS, WALKERS, walked
-from harpy_pin import Robot, WalkingGait
+from harpy_pin import WalkingGait
 
 SPEED = {0.8: 0.8, 0.3: 0.5}
 """Largest speed of random commands, m/s, by the friction; on soles in such units that at the higher
@@ -125,13 +125,11 @@ def fast_walks(largest: float, duration: float) -> Iterator[Job]:
         yield {"what": TURNS, "friction": max(SUSTAINED), "commands": rows, **same}
 
 
-def _walks(s: Any, who: str, robot: Robot) -> Iterator[Job]:
-    """What a contender walks in a world: the QP random commands alone, the policy without noise."""
-    qp, largest, soles = (
-        WALKERS[who].controller == "wbc",
-        WalkingGait(robot).max_speed,
-        bool(robot.flat_feet),
-    )
+def _walks(s: Any, who: str, largest: float, soles: bool) -> Iterator[Job]:
+    """What a contender walks in a world: the QP random commands alone, the policy without noise.
+    The largest speed is the robot's, m/s.
+    """
+    qp = WALKERS[who].controller == "wbc"
     unit = SOLE_SPEED * largest / max(SPEED.values()) if soles else 1.0
     for friction in SPEED:
         walk = partial(random_walk, s.seed, friction=friction, duration=s.duration, unit=unit)
@@ -174,17 +172,18 @@ def _jobs(s: Any) -> Iterator[Job]:
     for name, feet in _worlds(s):
         robot = world(name, feet)[1]  # what is missing is said now
         able = {"policy": name == PLAYGROUND, "joint_pd": joint_pd_is_for(robot)}
-        here: Job = {"world": name, "feet": list(feet), "soles": bool(robot.flat_feet)}
+        largest, soles = WalkingGait(robot).max_speed, bool(robot.flat_feet)
+        here: Job = {"world": name, "feet": list(feet), "soles": soles}
         for friction in SPEED if s.creep else ():
             yield here | random_walk(s.seed, 0, friction, s.creep) | {"commands": [], "who": STANDS}
         for who in s.contenders:
             if (
                 who == STANDS
                 or not able.get(WALKERS[who].controller, True)
-                or (here["soles"] and WALKERS[who].known)
+                or (soles and WALKERS[who].known)
             ):
                 continue
-            yield from (here | walk | {"who": who} for walk in _walks(s, who, robot))
+            yield from (here | walk | {"who": who} for walk in _walks(s, who, largest, soles))
             for friction in SPEED if name == PLAYGROUND and s.course else ():
                 on_course = {
                     "commands": [list(row) for row in course(COURSE_SPEED)],

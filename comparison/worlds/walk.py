@@ -29,11 +29,11 @@ from harpy_pin.contrib.drift import off
 from harpy_pin.errors import ControlError
 from harpy_pin.estimation import Estimator, Imu
 from harpy_pin.model.state import Vector
+from harpy_pin.simulation import GRAVITY
 from harpy_pin.simulation.mujoco.conventions import import_mujoco
 from harpy_pin.simulation.sensing import Sensing
 from harpy_pin.simulation.sensors import Sensors
 
-GRAVITY = 9.81
 PD_GAINS = "go1"
 """Whose gains joint PD has: of the default ones, Go1's and Go2's those that slip least on seeds 0
 to 3.

@@ -209,13 +209,10 @@ def planar_targets(
         span = duration * (1.0 + double) if on_ground else duration * (1.0 - double)
         points = gait.curves[0] if on_ground else gait.curves[1]
         r, f = 1.0 - fraction, fraction
-        for i in range(2):
-            b0 = r * r * r
-            b1, b2, b3 = 3.0 * r * r * f, 3.0 * r * f * f, f * f * f
-            left = b0 * points[0, i] + b1 * points[1, i] + b2 * points[2, i] + b3 * points[3, i]
-            right = b0 * points[1, i] + b1 * points[2, i] + b2 * points[3, i] + b3 * points[4, i]
-            position[k, i] = r * left + f * right
-            velocity[k, i] = 4.0 * (right - left) / span
+        weights = np.array([r * r * r, 3.0 * r * r * f, 3.0 * r * f * f, f * f * f])
+        left, right = weights @ points[:4], weights @ points[1:]
+        position[k] = r * left + f * right
+        velocity[k] = 4.0 * (right - left) / span
         stance[k, 0] = 1.0 if on_ground else 0.0
         stance[k, 1] = fraction
 

@@ -177,32 +177,26 @@ def planar_terms(q: Vector, v: Vector, d: PlanarModelRecord) -> None:
         parent = 0 if k in (1, 3) else k - 1
         if k == 0:
             angle[0], rate[0] = q[2], v[2]
-            origin[0, 0], origin[0, 1] = q[0] + d.origin[0, 0], q[1] + d.origin[0, 1]
+            origin[0] = q[:2] + d.origin[0]
         else:
-            rx, rz = _turned(angle[parent], d.origin[k])
-            squared = rate[parent] * rate[parent]
-            origin[k, 0], origin[k, 1] = origin[parent, 0] + rx, origin[parent, 1] + rz
-            drift[k, 0], drift[k, 1] = (
-                drift[parent, 0] - squared * rx,
-                drift[parent, 1] - squared * rz,
-            )
+            arm = _turned(angle[parent], d.origin[k])
+            origin[k] = origin[parent] + arm
+            drift[k] = drift[parent] - rate[parent] * rate[parent] * arm
             angle[k], rate[k] = angle[parent] + q[2 + k], rate[parent] + v[2 + k]
         squared = rate[k] * rate[k]
-        rx, rz = _turned(angle[k], d.centre[k])
-        _point_jacobian(k, origin[k, 0] + rx, origin[k, 1] + rz, origin, jacobian)
-        ax, az = drift[k, 0] - squared * rx, drift[k, 1] - squared * rz + d.gravity
-        _add_link(k, ax, az, jacobian, d)
+        arm = _turned(angle[k], d.centre[k])
+        _point_jacobian(k, origin[k] + arm, origin, jacobian)
+        _add_link(k, drift[k] - squared * arm, jacobian, d)
         if k == 0:
-            rx, rz = _turned(angle[0], d.mount)
-            _point_jacobian(0, origin[0, 0] + rx, origin[0, 1] + rz, origin, d.thruster_jacobian)
+            place = origin[0] + _turned(angle[0], d.mount)
+            _point_jacobian(0, place, origin, d.thruster_jacobian)
         elif k in (2, 4):
             foot = k // 2 - 1
-            rx, rz = _turned(angle[k], d.foot[foot])
-            x, z = origin[k, 0] + rx, origin[k, 1] + rz
-            d.foot_position[foot, 0], d.foot_position[foot, 2] = x, z
-            d.foot_drift[3 * foot] = drift[k, 0] - squared * rx
-            d.foot_drift[3 * foot + 2] = drift[k, 1] - squared * rz
-            _point_jacobian(k, x, z, origin, d.foot_jacobian[3 * foot : 3 * foot + 3])
+            arm = _turned(angle[k], d.foot[foot])
+            place, left = origin[k] + arm, drift[k] - squared * arm
+            d.foot_position[foot] = place[0], 0.0, place[1]
+            d.foot_drift[3 * foot : 3 * foot + 3] = left[0], 0.0, left[1]
+            _point_jacobian(k, place, origin, d.foot_jacobian[3 * foot : 3 * foot + 3])
     for i in range(NV):
         d.mass_matrix[i, i] += d.armature[i]
         for j in range(i):
@@ -210,20 +204,18 @@ def planar_terms(q: Vector, v: Vector, d: PlanarModelRecord) -> None:
 
 
 @kernel
-def _turned(angle: float, point: Vector) -> tuple[float, float]:
+def _turned(angle: float, point: Vector) -> Vector:
     """A point (x, z) of a link in world axes."""
     c, s = np.cos(angle), np.sin(angle)
-    return c * point[0] + s * point[1], -s * point[0] + c * point[1]
+    return np.array([c * point[0] + s * point[1], -s * point[0] + c * point[1]])
 
 
 @kernel
-def _add_link(k: int, ax: float, az: float, jacobian: Vector, d: PlanarModelRecord) -> None:
-    """Mass and bias of link k, from the Jacobian of its centre of mass and its acceleration, less
-    gravity.
-    """
+def _add_link(k: int, a: Vector, jacobian: Vector, d: PlanarModelRecord) -> None:
+    """Mass and bias of link k, from the Jacobian of its centre of mass and its acceleration."""
     mass = d.link_mass[k]
+    d.bias += mass * (jacobian[0] * a[0] + jacobian[2] * (a[1] + d.gravity))
     for i in range(NV):
-        d.bias[i] += mass * (jacobian[0, i] * ax + jacobian[2, i] * az)
         for j in range(i + 1):
             turning = 1.0 if _turns(k, i) and _turns(k, j) else 0.0
             moving = jacobian[0, i] * jacobian[0, j] + jacobian[2, i] * jacobian[2, j]
@@ -240,7 +232,7 @@ def _turns(link: int, column: int) -> bool:
 
 
 @kernel
-def _point_jacobian(link: int, x: float, z: float, origin: Vector, out: Vector) -> None:
+def _point_jacobian(link: int, point: Vector, origin: Vector, out: Vector) -> None:
     """(3, 7) Jacobian of a point of a link; a turn by dθ about a pivot moves the point by (r_z,
     −r_x) dθ.
     """
@@ -249,5 +241,5 @@ def _point_jacobian(link: int, x: float, z: float, origin: Vector, out: Vector) 
     out[2, 1] = 1.0
     for i in range(2, NV):
         if _turns(link, i):
-            out[0, i] = z - origin[i - 2, 1]
-            out[2, i] = origin[i - 2, 0] - x
+            out[0, i] = point[1] - origin[i - 2, 1]
+            out[2, i] = origin[i - 2, 0] - point[0]

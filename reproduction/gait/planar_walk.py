@@ -334,10 +334,8 @@ def _run(
                 total.pitch_change += (q[2] - total.pitch) ** 2
                 total.changes += 1.0
             total.pitch = q[2]
-        speed = 0.0
-        for i in range(v.shape[0]):
-            speed += abs(v[i])
-        if not (abs(q[2]) < FALL_PITCH and q[1] > fall_height and speed < 1e4):
+        slow = np.sum(np.abs(v)) < 1e4
+        if not (abs(q[2]) < FALL_PITCH and q[1] > fall_height and slow):
             return tick
     return ticks
 
@@ -369,8 +367,7 @@ def planar_step(
     """
     planar_terms(q, v, model)
     sweeps = implicit_step(model, ground, step, v, torque, thrust)
-    for i in range(NV):
-        q[i] += step.displacement[i]
+    q += step.displacement
     return int(sweeps)
 
 
@@ -390,6 +387,5 @@ def _add_tick(q: Vector, v: Vector, p: PlanarWalkRecord, s: StepRecord, total: S
     total.cost += 10.0 * abs(v[0] - 0.3) + abs(v[2]) + 10.0 * abs(q[1] - 0.6)
     total.height_min, total.height_max = min(total.height_min, q[1]), max(total.height_max, q[1])
     total.pitch_max = max(total.pitch_max, abs(q[2]))
-    for j in range(p.torque.shape[0]):
-        total.torque_max = max(total.torque_max, abs(p.torque[j]))
+    total.torque_max = max(total.torque_max, np.max(np.abs(p.torque)))
     total.force += (s.force[0] + s.force[3]) ** 2

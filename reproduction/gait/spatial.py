@@ -72,21 +72,13 @@ class SpatialGait(StraightGait, constant=True):
             clearance=max(0.375 * (planar.end_height - planar.swing_mid_height), 0.0),
             penetration_offset=0.0,
         )
-        self._spatial_curves = planar.curves
         super().__init__(robot, parameters)
-        self._follow_planar()
+        for curve, points in zip((self.stance_curve, self.swing_curve), planar.curves, strict=True):
+            curve[:, ::2] = points  # in the place of the hand-made ones
         self._check_reach()
         if reference == "planar":
             settle = int(checks.number("settle", settle, low=1))
             self._read_motion(robot, settle + settle % 2, friction)
-
-    def _follow_planar(self) -> None:
-        """Put the planar curves in the place of the hand-made ones."""
-        for curve, points in zip(
-            (self.stance_curve, self.swing_curve), self._spatial_curves, strict=True
-        ):
-            curve[:, 0] = points[:, 0]
-            curve[:, 2] = points[:, 1]
 
     def update(self, t: float) -> GaitTarget:
         """See :meth:`~harpy_pin.gaits.gait.Gait.update`."""

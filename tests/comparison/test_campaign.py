@@ -310,14 +310,23 @@ def test_rows_survive_and_are_never_doubled(tmp_path: Path) -> None:
     assert path.read_bytes().count(b"\n") == 2
 
 
-def test_a_damaged_file_is_not_touched(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    "content",
+    [
+        *(
+            b'{"key": "a"}\n' + damage + b'{"key": "b"}\n{"ke'
+            for damage in (b"no\n", b"3\n", b"{}\n")
+        ),
+        *(b"my notes", b"row\nmy notes", b'{"key": 1}\n\x00'),
+    ],
+    ids=range(6),
+)
+def test_files_that_are_no_campaigns_are_not_touched(content: bytes, tmp_path: Path) -> None:
     path = tmp_path / "rows.jsonl"
-    for damage in (b"nonsense\n", b"3\n", b'{"x": 1}\n'):
-        path.write_bytes(b'{"key": "a"}\n' + damage + b'{"key": "b"}\n{"ke')
-        before = path.read_bytes()
-        with pytest.raises(hp.RunFileError, match="line 2"):
-            Store(path)
-        assert path.read_bytes() == before
+    path.write_bytes(content)
+    with pytest.raises(hp.RunFileError, match="is not a row of a campaign"):
+        Store(path)
+    assert path.read_bytes() == content
 
 
 def rows_of(tasks: list[Task], slip: Any, fell: Any) -> dict[str, dict[str, Any]]:

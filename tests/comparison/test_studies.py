@@ -63,7 +63,7 @@ TINY: dict[str, dict[str, Any]] = {
     "steering": {"course": 1.0, "duration": 3.0, "pushes": ()},
     "thrusters": {"lags": (0.1,), "duration": 0.2},
     "walking": {"course": 1.0, "duration": 2.0},
-    "rates": {"seconds": 1.2, "size": 16, "rounds": 1},
+    "rates": {"size": 16, "rounds": 1},
 }
 """Settings of a look, with even less; the policy and the microcontrollers have tests of their
 own.

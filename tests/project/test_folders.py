@@ -15,9 +15,8 @@ import pytest
 from command_line import harpy
 from processes import living, needs_proc
 
-from comparison.campaign.store import Store
 from comparison.cli.program import main as comparison
-from harpy_pin import HarpyError, InputError, RunFileError
+from harpy_pin import InputError, RunFileError
 from harpy_pin.files import OwnFolder
 
 FILES = {"README.md": "ours", "CMakeLists.txt": "ours", "board/startup.c": "ours", "x.c": "ours"}
@@ -226,11 +225,3 @@ def test_compilers_end_with_the_command(name, tmp_path):
     while left := list(living(f"sleep {mark}")):
         assert time.monotonic() < deadline, left
         time.sleep(0.05)
-
-
-@pytest.mark.parametrize("text", ["my notes", "row\nmy notes", '{"key": 1}\n\x00'])
-def test_files_that_are_no_campaigns_keep_their_last_line(text, tmp_path):
-    (tmp_path / "notes").write_text(text)
-    with pytest.raises(HarpyError, match="not a row of a campaign"):
-        Store(tmp_path / "notes")
-    assert (tmp_path / "notes").read_text() == text

@@ -1,16 +1,11 @@
-"""Tests ask for programs in one place, and a run says for want of what it did not run some of
-them.
-"""
+"""A run of tests says for want of what it did not run some of them."""
 
 import os
-import re
 import subprocess
 import sys
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
-LOOKING = re.compile(r"\bshutil\.which\(|\bfind_chromium\(|\bimport which\b")
-"""Calls that look for a program."""
 
 
 def run(*options: str, path: Path) -> subprocess.CompletedProcess[str]:
@@ -26,14 +21,6 @@ def run(*options: str, path: Path) -> subprocess.CompletedProcess[str]:
     ]
     known = {**os.environ, "PATH": str(path)}
     return subprocess.run(command, cwd=ROOT, env=known, capture_output=True, text=True, check=False)
-
-
-def test_programs_are_looked_for_in_one_place() -> None:
-    texts = {path: path.read_text(encoding="utf-8") for path in (ROOT / "tests").rglob("*.py")}
-    found = {
-        path.relative_to(ROOT).as_posix() for path, text in texts.items() if LOOKING.search(text)
-    }
-    assert found == {"tests/support/needs.py"}
 
 
 def test_what_is_missing_is_named_and_counted(tmp_path: Path) -> None:
