@@ -7,6 +7,7 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import MISSING, asdict, dataclass, fields, is_dataclass
+from functools import cache
 from typing import Any, ClassVar, Self, TypeVar, cast, get_type_hints
 
 from harpy_pin import checks
@@ -16,6 +17,7 @@ from harpy_pin.errors import InputError, shown
 from harpy_pin.gaits.walking.schedules import SCHEDULES
 
 _Part = TypeVar("_Part", bound="Part")
+type_hints = cache(get_type_hints)  # compiles every annotation
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -126,7 +128,7 @@ def defaults_of(kind: type) -> dict[str, Any]:
         elif entry.default is not MISSING:
             found[entry.name] = entry.default
         else:
-            inside = get_type_hints(kind)[entry.name]
+            inside = type_hints(kind)[entry.name]
             found[entry.name] = inside if is_dataclass(inside) else None
     return found
 
