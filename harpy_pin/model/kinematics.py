@@ -5,6 +5,7 @@ frames.
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -51,7 +52,7 @@ class LegGeometry:
         checks.number("lower link", self.lower, low=0.0, strict=True)
         checks.vector("zero of the leg", self.zero, 3)
 
-    @property
+    @cached_property
     def record(self) -> Records[LegRecord]:
         """The lengths, for kernels."""
         return make_record(LegRecord, **asdict(self))
