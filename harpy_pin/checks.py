@@ -6,7 +6,7 @@ import inspect
 import math
 import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import MISSING, field, fields
+from dataclasses import field, fields
 from functools import partial
 from os import PathLike
 from pathlib import Path
@@ -61,22 +61,25 @@ def keep(holder: Any, **values: Any) -> None:
         object.__setattr__(holder, name, value)
 
 
-def setting(
-    default: Any = MISSING, check: Callable[..., Any] = number, *, called: str = "", **bounds: Any
-) -> Any:
-    """A field of a :class:`Checked` dataclass, which keeps what a check returns of its value.
+def rule(check: Callable[..., Any] = number, *, called: str = "", **bounds: Any) -> dict[str, Any]:
+    """Metadata of a field of a :class:`Checked` dataclass, which keeps what a check returns of its
+    value.
 
     Args:
-        default: None allows None; without one a value must be given.
         check: of this module, or one's own of a name and a value.
         called: how messages name it, where its own name does not do.
         bounds: further arguments of the check.
     """
-    return field(default=default, metadata={"check": partial(check, **bounds), "called": called})
+    return {"check": partial(check, **bounds), "called": called}
+
+
+def setting(default: Any, check: Callable[..., Any] = number, **how: Any) -> Any:
+    """A field with a default and a :func:`rule`; None as default allows None."""
+    return field(default=default, metadata=rule(check, **how))
 
 
 class Checked:
-    """Base of dataclasses that check their :func:`setting` fields as they are made."""
+    """Base of dataclasses whose fields are checked by their :func:`rule` as they are made."""
 
     whose: ClassVar[str] = ""
     """What stands in front of the names of the fields in messages."""

@@ -6,7 +6,7 @@ the power of braking joints a share goes back into the battery; the rest is heat
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -30,7 +30,7 @@ class Motors(checks.Checked):
         InputError: a value out of its domain.
     """
 
-    constant: float = checks.setting(low=0.0, strict=True)
+    constant: float = field(metadata=checks.rule(low=0.0, strict=True))
     recovered: float = checks.setting(0.0, low=0.0, high=1.0)
 
 

@@ -6,7 +6,7 @@ So one point of a thruster, its thrust and its electrical power, gives the other
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -29,8 +29,8 @@ class Propulsion(checks.Checked):
         InputError: a value out of its domain.
     """
 
-    thrust: float = checks.setting(low=0.0, strict=True)
-    power: float = checks.setting(low=0.0, strict=True)
+    thrust: float = field(metadata=checks.rule(low=0.0, strict=True))
+    power: float = field(metadata=checks.rule(low=0.0, strict=True))
     efficiency: float = checks.setting(0.8, low=0.0, high=1.0, strict=True)
 
     @checked

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -37,8 +37,8 @@ class Push(checks.Checked):
         duration: how long it lasts, s.
     """
 
-    time: float = checks.setting(low=0.0, called="time of the push")
-    impulse: tuple[float, float, float] = checks.setting(check=_read_impulse)
+    time: float = field(metadata=checks.rule(low=0.0, called="time of the push"))
+    impulse: tuple[float, float, float] = field(metadata=checks.rule(_read_impulse))
     duration: float = checks.setting(0.1, low=0.0, strict=True, called="duration of the push")
 
     @checked

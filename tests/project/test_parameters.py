@@ -2,7 +2,7 @@
 
 import math
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 
 import pytest
@@ -273,7 +273,7 @@ def test_settings_keep_what_their_check_makes_of_them():
     @dataclass(frozen=True)
     class Wheel(checks.Checked):
         whose = "wheel's "
-        radius: float = checks.setting(low=0.0, strict=True)
+        radius: float = field(metadata=checks.rule(low=0.0, strict=True))
         width: float | None = checks.setting(None, low=0.0, called="width of the tyre")
         axis: tuple[float, ...] = checks.setting((0, 1, 0), lambda name, value: tuple(value))
 
