@@ -5,10 +5,12 @@
 import inspect
 import math
 import os
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import field, fields
+from functools import partial
 from os import PathLike
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, ClassVar, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -57,6 +59,37 @@ def keep(holder: Any, **values: Any) -> None:
     """Give a frozen dataclass the values that a check has made of its own."""
     for name, value in values.items():
         object.__setattr__(holder, name, value)
+
+
+def rule(check: Callable[..., Any] = number, *, called: str = "", **bounds: Any) -> dict[str, Any]:
+    """Metadata of a field of a :class:`Checked` dataclass, which keeps what a check returns of its
+    value.
+
+    Args:
+        check: of this module, or one's own of a name and a value.
+        called: how messages name it, where its own name does not do.
+        bounds: further arguments of the check.
+    """
+    return {"check": partial(check, **bounds), "called": called}
+
+
+def setting(default: Any, check: Callable[..., Any] = number, **how: Any) -> Any:
+    """A field with a default and a :func:`rule`; None as default allows None."""
+    return field(default=default, metadata=rule(check, **how))
+
+
+class Checked:
+    """Base of dataclasses whose fields are checked by their :func:`rule` as they are made."""
+
+    whose: ClassVar[str] = ""
+    """What stands in front of the names of the fields in messages."""
+
+    def __post_init__(self) -> None:
+        for entry in fields(self):  # type: ignore[arg-type]
+            value, check = getattr(self, entry.name), entry.metadata.get("check")
+            if check is not None and not (value is None and entry.default is None):
+                name = entry.metadata["called"] or f"{self.whose}{entry.name}"
+                keep(self, **{entry.name: check(name, value)})
 
 
 def multiple(name: str, value: float, of: str, unit: float, *, low: int = 1) -> int:
@@ -162,13 +195,34 @@ def names(name: str, value: Any) -> tuple[str, ...]:
     return tuple(value)
 
 
-def one_of(kind: str, value: object, valid: Iterable[str], *, hint: str = "") -> None:
-    """Refuse a name that is not one of ``valid``, which messages list; a hint says what else may
-    have been meant.
+def one_of(kind: str, value: Any, valid: Iterable[str], *, hint: str = "") -> str:
+    """A name that is one of ``valid``, which messages list; a hint says what else may have been
+    meant.
     """
     names = tuple(valid)
     if not isinstance(value, str) or value not in names:
         raise InputError.unknown(kind, value, names, hint)
+    return value
+
+
+def record(name: str, value: Any, kind: type[_Kind]) -> _Kind:
+    """A dataclass from itself, or from a mapping of its attributes; unknown and missing names are
+    refused.
+    """
+    if isinstance(value, kind):
+        return value
+    if not isinstance(value, Mapping):
+        raise InputError(
+            f"{name} must be a {kind.__name__} or a mapping, got {shown(value)}",
+            name=name,
+            value=value,
+        )
+    for key in value:
+        one_of(f"entry of the {name}", key, [entry.name for entry in fields(kind)])  # type: ignore[arg-type]
+    try:
+        return kind(**value)
+    except TypeError as error:
+        raise InputError(f"{name}: {error}", name=name, value=value) from None
 
 
 def array(name: str, value: ArrayLike, shape: int | tuple[int, ...] | None) -> NDArray[np.float64]:

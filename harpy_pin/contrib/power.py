@@ -6,7 +6,7 @@ the power of braking joints a share goes back into the battery; the rest is heat
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -19,7 +19,7 @@ from harpy_pin.model.state import Vector
 
 
 @dataclass(frozen=True, kw_only=True)
-class Motors:
+class Motors(checks.Checked):
     """What the joints' motors take.
 
     Attributes:
@@ -30,12 +30,8 @@ class Motors:
         InputError: a value out of its domain.
     """
 
-    constant: float
-    recovered: float = 0.0
-
-    def __post_init__(self) -> None:
-        checks.number("constant", self.constant, low=0.0, strict=True)
-        checks.number("recovered", self.recovered, low=0.0, high=1.0)
+    constant: float = field(metadata=checks.rule(low=0.0, strict=True))
+    recovered: float = checks.setting(0.0, low=0.0, high=1.0)
 
 
 @dataclass(frozen=True)

@@ -33,7 +33,7 @@ from harpy_pin.model.memory import KeepsViews
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Command, State, Vector
 from harpy_pin.simulation.loop import Controller
-from harpy_pin.simulation.thrusters import Thrusters
+from harpy_pin.simulation.thrusters import MAX_LAG, Thrusters
 
 AIRBORNE = 0.05
 """Measured contact force below which the robot is in the air, as a share of the weight."""
@@ -54,14 +54,8 @@ class SecondOrderThrusters(Thrusters):
         InputError: a value out of its domain.
     """
 
-    lag: float = 0.1
-    damping_ratio: float = 1.0
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        checks.number("thrusters' lag", self.lag, low=0.0, strict=True)
-        ratio = checks.number("thrusters' damping_ratio", self.damping_ratio, low=0.05, high=20.0)
-        checks.keep(self, damping_ratio=ratio)
+    lag: float = checks.setting(0.1, low=0.0, high=MAX_LAG, strict=True)
+    damping_ratio: float = checks.setting(1.0, low=0.05, high=20.0)
 
     def _response(self, dt: float) -> tuple[Vector, Vector]:
         frequency = 1.0 / self.lag

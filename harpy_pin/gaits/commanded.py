@@ -296,7 +296,7 @@ def _reach(robot: Robot, p: CommandedParameters) -> float:
     )
 
     def reached(k: int, x: float, y: float, z: float) -> bool:
-        inside = leg_inverse(geometry[k].record[0], np.array((x, y, z)), angles) <= 1e-12
+        inside = leg_inverse(geometry[k].record, np.array((x, y, z)), angles) <= 1e-12
         joints = slice(3 * k, 3 * k + 3)
         return bool(inside and np.all(angles >= lower[joints]) and np.all(angles <= upper[joints]))
 

@@ -287,7 +287,7 @@ class StraightGait(ClockGait, constant=True):
         jacobian = np.zeros((3, 3))
         for k, geometry in enumerate(self.geometry):
             angles = leg_inverse_kinematics(geometry, target.foot_position[k])
-            leg_jacobian(geometry.record[0], angles, jacobian)
+            leg_jacobian(geometry.record, angles, jacobian)
             q[7 + 3 * k : 10 + 3 * k] = angles
             v[6 + 3 * k : 9 + 3 * k] = np.linalg.solve(jacobian, target.foot_velocity[k])
 

@@ -8,7 +8,6 @@ that has ended.
 """
 
 import json
-import math
 import os
 import struct
 import warnings
@@ -30,8 +29,7 @@ from harpy_pin.log.run_file import check_name, to_json
 MAGIC = b"harpy run journal 2\n"
 RECORD = struct.Struct("<4sQI")
 HEAD, ROWS, END = b"HEAD", b"ROWS", b"END "
-ITEM = 8
-"""Bytes of a number."""
+FLOAT = np.dtype(np.float64)
 MAX_ROW = 1 << 20
 """Numbers in a row, at most."""
 
@@ -44,34 +42,28 @@ class Layout:
     flags: frozenset[str] = frozenset()  # names of those that are true or false
 
     @cached_property
-    def spans(self) -> dict[str, tuple[int, int]]:
-        """First and last number (not included) of each signal in a row."""
-        spans, begin = {}, 0
-        for name, shape in self.shapes.items():
-            spans[name] = begin, begin + math.prod(shape)
-            begin += math.prod(shape)
-        return spans
+    def row(self) -> np.dtype[np.void]:
+        """A row: its signals, one after the other."""
+        return np.dtype([(name, np.float64, shape) for name, shape in self.shapes.items()])
 
-    @cached_property
+    @property
     def width(self) -> int:
         """Numbers in a row."""
-        return sum(math.prod(shape) for shape in self.shapes.values())
+        return self.row.itemsize // FLOAT.itemsize
 
     def signals(self, blocks: deque[bytes]) -> dict[str, NDArray[Any]]:
         """Whole signals from blocks of rows, each of which is dropped once it has been copied."""
-        rows = sum(map(len, blocks)) // (ITEM * self.width) if self.width else 0
+        rows = sum(map(len, blocks)) // max(self.row.itemsize, 1)
         arrays: dict[str, NDArray[Any]] = {
             name: np.empty((rows, *shape), np.bool_ if name in self.flags else np.float64)
             for name, shape in self.shapes.items()
         }
         end = 0
         while blocks:
-            table = np.frombuffer(blocks.popleft()).reshape(-1, self.width)
+            table = np.frombuffer(blocks.popleft(), self.row)
             begin, end = end, end + len(table)
-            for name, (first, last) in self.spans.items():
-                arrays[name][begin:end] = table[:, first:last].reshape(
-                    len(table), *self.shapes[name]
-                )
+            for name, array in arrays.items():
+                array[begin:end] = table[name]
         return arrays
 
 
@@ -200,7 +192,7 @@ def read_journal(path: Path) -> tuple[dict[str, NDArray[Any]], Any]:
                     kind == ROWS
                     and layout.shapes
                     and payload
-                    and len(payload) % (ITEM * layout.width) == 0
+                    and len(payload) % layout.row.itemsize == 0
                 ):
                     blocks.append(payload)
                 elif kind == HEAD and not layout.shapes:

@@ -6,7 +6,7 @@ So one point of a thruster, its thrust and its electrical power, gives the other
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -16,7 +16,7 @@ from harpy_pin.model.state import Vector
 
 
 @dataclass(frozen=True, kw_only=True)
-class Propulsion:
+class Propulsion(checks.Checked):
     """Electrical power of one thruster, by one point of it: at other thrusts it goes with the
     thrust to the power 3/2.
 
@@ -29,14 +29,9 @@ class Propulsion:
         InputError: a value out of its domain.
     """
 
-    thrust: float
-    power: float
-    efficiency: float = 0.8
-
-    def __post_init__(self) -> None:
-        checks.number("thrust", self.thrust, low=0.0, strict=True)
-        checks.number("power", self.power, low=0.0, strict=True)
-        checks.number("efficiency", self.efficiency, low=0.0, high=1.0, strict=True)
+    thrust: float = field(metadata=checks.rule(low=0.0, strict=True))
+    power: float = field(metadata=checks.rule(low=0.0, strict=True))
+    efficiency: float = checks.setting(0.8, low=0.0, high=1.0, strict=True)
 
     @checked
     def electrical(self, thrusts: Vector) -> Vector:

@@ -10,10 +10,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from harpy_pin.errors import InputError, shown
-from harpy_pin.log.journal import Journal, Layout
+from harpy_pin.log.journal import FLOAT, Journal, Layout
 from harpy_pin.log.run_file import check_name
 
-FLOAT = np.dtype(np.float64)
 BLOCK = 1000
 """Rows of a block, at most."""
 

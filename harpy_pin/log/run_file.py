@@ -82,18 +82,16 @@ def check_name(name: str) -> str:
     return ""
 
 
-def _check_numbers(path: Path, name: str, dtype: np.dtype[Any]) -> None:
+def _require(holds: object, path: str | Path, why: str) -> None:
+    """Refuse a file where something does not hold; ``why`` comes after its name."""
+    if not holds:
+        raise RunFileError(f"'{path}' {why}", path=path)
+
+
+def _check_numbers(path: str | Path, name: str, dtype: np.dtype[Any]) -> None:
     """Refuse everything but plain numbers."""
-    if (
-        dtype.kind not in "fiub"
-        or dtype.itemsize > 8
-        or not dtype.isnative
-        or dtype.fields
-        or dtype.subdtype
-    ):
-        raise RunFileError(
-            f"'{path}' is not a run log: {name} holds {dtype}, not plain numbers", path=path
-        )
+    plain = dtype.kind in "fiub" and dtype.itemsize <= 8 and dtype.isnative
+    _require(plain, path, f"is not a run log: {name} holds {dtype}, not plain numbers")
 
 
 def to_json(path: str | Path, metadata: Mapping[str, Any]) -> str:
@@ -121,7 +119,7 @@ def write_run(
     """
     arrays = {name: np.asarray(signal) for name, signal in signals.items()}
     for name, array in arrays.items():
-        _check_numbers(Path(path), name, array.dtype)
+        _check_numbers(path, name, array.dtype)
         reason = check_name(name)
         if reason:
             raise RunFileError(f"cannot write '{path}': signal {name!r}: {reason}", path=path)
@@ -142,8 +140,7 @@ def read_run(path: Path) -> tuple[dict[str, NDArray[Any]], Any]:
         with path.open("rb") as file, zipfile.ZipFile(file) as archive:
             entries = _entries(path, archive, os.fstat(file.fileno()).st_size)
             arrays = {name: _read(path, archive, name, entry) for name, entry in entries.items()}
-        if METADATA not in arrays:
-            raise RunFileError(f"'{path}' is not a run log: no metadata", path=path)
+        _require(METADATA in arrays, path, "is not a run log: no metadata")
         return arrays, json.loads(str(arrays.pop(METADATA)))
     except DAMAGE as error:
         raise RunFileError(f"'{path}' is damaged or not a run log", path=path) from error
@@ -168,22 +165,16 @@ def _entries(path: Path, archive: zipfile.ZipFile, size: int) -> dict[str, zipfi
             reason = "it is encrypted or compressed in a foreign way"
         elif name == METADATA and entry.file_size > MAX_TEXT:
             reason = "it is too long"
-        if reason:
-            raise RunFileError(
-                f"'{path}' is not a run log: entry {name[:100]!r}: {reason}", path=path
-            )
+        _require(not reason, path, f"is not a run log: entry {name[:100]!r}: {reason}")
         entries[name] = entry
-    if len(entries) > MAX_SIGNALS:
-        raise RunFileError(f"'{path}' is not a run log: it holds {len(entries)} arrays", path=path)
+    few = len(entries) <= MAX_SIGNALS
+    _require(few, path, f"is not a run log: it holds {len(entries)} arrays")
     declared = sum(entry.file_size for entry in entries.values())
     packed = sum(
         entry.file_size for entry in entries.values() if entry.compress_type != zipfile.ZIP_STORED
     )
-    if declared > max(SMALL, RATIO * size) or packed > MAX_PACKED:
-        raise RunFileError(
-            f"'{path}' says that its {size} bytes hold {declared}: too many to be a run log",
-            path=path,
-        )
+    fits = declared <= max(SMALL, RATIO * size) and packed <= MAX_PACKED
+    _require(fits, path, f"says that its {size} bytes hold {declared}: too many to be a run log")
     return entries
 
 
@@ -195,15 +186,13 @@ def _read(path: Path, archive: zipfile.ZipFile, name: str, info: zipfile.ZipInfo
             (2, 0): np.lib.format.read_array_header_2_0,
         }
         shape, fortran, dtype = read_header[np.lib.format.read_magic(entry)](entry)
-        if name != METADATA:
+        if name == METADATA:
+            _require(shape == () and dtype.kind == "U" and dtype.isnative, path, "has no metadata")
+        else:
             _check_numbers(path, name, dtype)
-        elif shape != () or dtype.kind != "U" or not dtype.isnative:
-            raise ValueError("metadata that are no text")
-        if (
-            min(shape, default=0) < 0
-            or entry.tell() + math.prod(shape) * dtype.itemsize != info.file_size
-        ):
-            raise RunFileError(f"'{path}' is damaged: {name} is not as long as it says", path=path)
+        size = entry.tell() + math.prod(shape) * dtype.itemsize
+        whole = min(shape, default=0) >= 0 and size == info.file_size
+        _require(whole, path, f"is damaged: {name} is not as long as it says")
         array = np.frombuffer(bytearray(entry.read()), dtype, math.prod(shape))
     return array.reshape(shape[::-1]).T if fortran else array.reshape(shape)
 
@@ -215,15 +204,11 @@ def check_log(source: Path, signals: Mapping[str, NDArray[Any]], metadata: Any) 
     Raises:
         RunFileError: it is not.
     """
-    if not isinstance(metadata, dict) or metadata.get("format") != FORMAT:
-        raise RunFileError(
-            f"'{source}' has a format this version cannot read (expected {FORMAT})", path=source
-        )
+    known = isinstance(metadata, dict) and metadata.get("format") == FORMAT
+    _require(known, source, f"has a format this version cannot read (expected {FORMAT})")
     _check_signals(source, signals)
-    if metadata.pop("signals", sorted(signals)) != sorted(signals):
-        raise RunFileError(
-            f"'{source}' is damaged: it does not hold the signals it lists", path=source
-        )
+    listed = metadata.pop("signals", sorted(signals)) == sorted(signals)
+    _require(listed, source, "is damaged: it does not hold the signals it lists")
     for name, kinds in KINDS.items():
         value = metadata.get(name, kinds[0]())
         good = type(value) in kinds
@@ -231,44 +216,29 @@ def check_log(source: Path, signals: Mapping[str, NDArray[Any]], metadata: Any) 
             good = abs(value) < MAX_NUMBER
         if good and name in ("feet", "thrusters"):
             good = all(type(entry) is str for entry in value)
-        if not good:
-            raise RunFileError(
-                f"'{source}' is not a run log: {name} is {shown(value)}", path=source
-            )
+        _require(good, source, f"is not a run log: {name} is {shown(value)}")
 
 
 def _check_signals(source: Path, signals: Mapping[str, NDArray[Any]]) -> None:
     """Refuse signals of other shapes and types, and times that do not go on."""
-    missing = [name for name in AXES if name not in signals]
-    if missing:
-        raise RunFileError(f"'{source}' is not a run log: no {', '.join(missing)}", path=source)
-    if (
-        any(array.ndim == 0 for array in signals.values())
-        or len({len(array) for array in signals.values()}) != 1
-    ):
-        raise RunFileError(f"'{source}' is damaged: its signals differ in length", path=source)
+    missing = ", ".join(name for name in AXES if name not in signals)
+    _require(not missing, source, f"is not a run log: no {missing}")
+    lengths = {len(array) if array.ndim else -1 for array in signals.values()}
+    _require(len(lengths) == 1, source, "is damaged: its signals differ in length")
     for name, axes in AXES.items():
-        shape, dtype = signals[name].shape[1:], signals[name].dtype
-        fits = len(shape) == len(axes) and all(
-            n in (None, m) for n, m in zip(axes, shape, strict=True)
+        shape, dtype = signals[name].shape, signals[name].dtype
+        fits = len(shape) == len(axes) + 1 and all(
+            n in (None, m) for n, m in zip(axes, shape[1:], strict=True)
         )
-        if not fits or (name in LEAST and shape[0] < LEAST[name]):
-            raise RunFileError(
-                f"'{source}' is not a run log: {name} has shape {signals[name].shape}", path=source
-            )
-        if dtype != np.float64:
-            raise RunFileError(
-                f"'{source}' is not a run log: {name} holds {dtype}, not float64", path=source
-            )
-    if len({signals[name].shape[1] for name in AXES if name.startswith("foot")}) != 1:
-        raise RunFileError(
-            f"'{source}' is damaged: its signals differ in the number of feet", path=source
-        )
+        fits = fits and (name not in LEAST or shape[1] >= LEAST[name])
+        _require(fits, source, f"is not a run log: {name} has shape {shape}")
+        exact = dtype == np.float64
+        _require(exact, source, f"is not a run log: {name} holds {dtype}, not float64")
+    feet = {signals[name].shape[1] for name in AXES if name.startswith("foot")}
+    _require(len(feet) == 1, source, "is damaged: its signals differ in the number of feet")
     time = signals["t"]
-    if not np.all(np.abs(time) < MAX_TIME):
-        raise RunFileError(
-            f"'{source}' is damaged: its times are not finite or beyond {MAX_TIME:g} s", path=source
-        )
+    finite = np.all(np.abs(time) < MAX_TIME)
+    _require(finite, source, f"is damaged: its times are not finite or beyond {MAX_TIME:g} s")
     steps = np.diff(time)
-    if np.any(steps <= 0.0) or (len(steps) and np.median(steps) > MAX_STEP):
-        raise RunFileError(f"'{source}' is damaged: its times do not go on", path=source)
+    goes_on = np.all(steps > 0.0) and (len(steps) == 0 or np.median(steps) <= MAX_STEP)
+    _require(goes_on, source, "is damaged: its times do not go on")

@@ -5,6 +5,7 @@ frames.
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -51,7 +52,7 @@ class LegGeometry:
         checks.number("lower link", self.lower, low=0.0, strict=True)
         checks.vector("zero of the leg", self.zero, 3)
 
-    @property
+    @cached_property
     def record(self) -> Records[LegRecord]:
         """The lengths, for kernels."""
         return make_record(LegRecord, **asdict(self))
@@ -105,7 +106,7 @@ class LegGeometry:
     def prepare(self) -> None:
         """Begin to compile the kernels of legs of this kind."""
         for function, shape in ((leg_inverse, 3), (leg_jacobian, (3, 3))):
-            function.prepare(self.record[0], np.zeros(3), np.zeros(shape))
+            function.prepare(self.record, np.zeros(3), np.zeros(shape))
 
 
 def _parallelogram(robot: Robot, foot: str, chain: list[int]) -> LegGeometry | None:
@@ -225,7 +226,7 @@ def leg_inverse_kinematics(geometry: LegGeometry, foot: ArrayLike) -> Vector:
     """
     target = checks.vector("foot", foot, 3)
     angles = np.empty(3)
-    excess = leg_inverse(geometry.record[0], target, angles)
+    excess = leg_inverse(geometry.record, target, angles)
     if excess > 1e-12:
         raise OutOfReachError(
             f"foot target {np.round(target, 4).tolist()} m is {excess:.4g} m out of reach",

@@ -34,7 +34,7 @@ class ControllerPart(Part):
     """
 
     further: ClassVar[type] = WholeBodyParameters
-    mu: float | None = None
+    mu: float | None = checks.setting(None, low=0.0, high=checks.MAX_FRICTION)
     parameters: Mapping[str, Any] = field(default_factory=dict, hash=False)
 
     @classmethod
@@ -61,8 +61,7 @@ class ControllerPart(Part):
         return super().from_settings(own)
 
     def __post_init__(self) -> None:
-        if self.mu is not None:
-            checks.keep(self, mu=checks.number("mu", self.mu, low=0.0, high=checks.MAX_FRICTION))
+        super().__post_init__()
         checks.keep(self, parameters=_plain_mapping("parameters", self.parameters))
         for name in self.parameters.keys() & {entry.name for entry in fields(self)}:
             raise InputError(
@@ -139,16 +138,14 @@ class Governed(ControllerPart):
 
     name = "governed"
     further = GovernedParameters
-    governor: str = "paper"
-    evaluate_at: str = "measured"
+    governor: str = checks.setting("paper", checks.one_of, valid=GOVERNORS)
+    evaluate_at: str = checks.setting("measured", checks.one_of, valid=EVALUATE_AT)
     limits: bool = False
     thrust: bool = True
     governor_parameters: Mapping[str, Any] = field(default_factory=dict, hash=False)
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        checks.one_of("governor", self.governor, GOVERNORS)
-        checks.one_of("evaluate_at", self.evaluate_at, EVALUATE_AT)
         checks.keep(
             self,
             governor_parameters=_plain_mapping("governor_parameters", self.governor_parameters),

@@ -7,7 +7,7 @@ from typing import Any
 
 from harpy_pin import checks
 from harpy_pin.errors import InputError, shown
-from harpy_pin.scenario.parts import plain, read_record
+from harpy_pin.scenario.parts import plain
 from harpy_pin.simulation.actuators import Actuators
 from harpy_pin.simulation.push import Push
 from harpy_pin.simulation.sensors import Noise
@@ -16,7 +16,7 @@ MAX_MASS_ERROR = 100.0  # as a share: far beyond any robot, and far from numbers
 
 
 @dataclass(frozen=True, kw_only=True)
-class Disturbances:
+class Disturbances(checks.Checked):
     """What disturbs a walk; nothing by default.
 
     Attributes:
@@ -40,14 +40,15 @@ class Disturbances:
 
     pushes: tuple[Push, ...] = ()
     noise: Noise = field(default_factory=Noise)
-    delay: float = 0.0
-    mass_error: float = 0.0
-    actuators: Actuators = field(default_factory=Actuators)
+    delay: float = checks.setting(0.0, low=0.0)
+    mass_error: float = checks.setting(0.0, low=-1.0, high=MAX_MASS_ERROR, strict=True)
+    actuators: Actuators = checks.setting(Actuators(), checks.record, kind=Actuators)
     start_velocity: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-    seed: int = 0
-    normal_error: float = 0.0
+    seed: int = checks.setting(0, checks.whole)
+    normal_error: float = checks.setting(0.0, low=-1.0, high=1.0)
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         if not isinstance(self.pushes, list | tuple):
             raise InputError(
                 f"pushes must be a list, got {shown(self.pushes)}", name="pushes", value=self.pushes
@@ -56,16 +57,9 @@ class Disturbances:
         multiple = isinstance(noise, int | float) and not isinstance(noise, bool)
         checks.keep(
             self,
-            pushes=tuple(read_record(Push, "push", push) for push in self.pushes),
-            noise=Noise.typical(noise) if multiple else read_record(Noise, "noise", noise),
-            delay=checks.number("delay", self.delay, low=0.0),
-            mass_error=checks.number(
-                "mass_error", self.mass_error, low=-1.0, high=MAX_MASS_ERROR, strict=True
-            ),
-            actuators=read_record(Actuators, "actuators", self.actuators),
+            pushes=tuple(checks.record("push", push, Push) for push in self.pushes),
+            noise=Noise.typical(noise) if multiple else checks.record("noise", noise, Noise),
             start_velocity=tuple(checks.vector("start_velocity", self.start_velocity, 6).tolist()),
-            seed=checks.whole("seed", self.seed),
-            normal_error=checks.number("normal_error", self.normal_error, low=-1.0, high=1.0),
         )
 
     def to_dict(self) -> dict[str, Any]:

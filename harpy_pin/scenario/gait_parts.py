@@ -29,6 +29,41 @@ from harpy_pin.scenario.parts import Part
 MAX_SPEED = 100.0  # m/s: far beyond what any walker does, and far from numbers that overflow
 
 
+def read_rows(name: str, velocity: Any, entries: int) -> tuple[tuple[float, ...], ...]:
+    """A velocity as rows of numbers; text may say them as ``VX VY W; Ts VX VY W; ...``."""
+    if isinstance(velocity, str):
+        velocity = [_row(part, first=k == 0) for k, part in enumerate(velocity.split(";"))]
+    if not is_sequence(velocity) or not len(velocity):
+        raise InputError(
+            f"{name} must be (forward, sideways, turning) or rows of (t, ...), got "
+            f"{shown(velocity)}",
+            name=name,
+            value=velocity,
+        )
+    first, rows, _ = read_velocity(velocity, entries)
+    return tuple((t, *command.tolist()) for t, command in rows or ((0.0, first),))
+
+
+def _row(text: str, *, first: bool) -> list[float]:
+    """A row (t, forward, sideways, turning, ...) from ``Ts VX VY W``; the first one may leave its
+    time out.
+    """
+    words = text.split()
+    if first and words and not words[0].endswith("s"):
+        words = ["0s", *words]
+    try:
+        if not words[0].endswith("s") or len(words) < 4:
+            raise ValueError
+        return [float(words[0][:-1]), *(float(word) for word in words[1:])]
+    except (IndexError, ValueError):
+        raise InputError(
+            f"velocity must look like 'VX VY W; Ts VX VY W' (m/s, m/s, rad/s), got "
+            f"'{text.strip()}'",
+            name="velocity",
+            value=text,
+        ) from None
+
+
 @dataclass(frozen=True, kw_only=True)
 class GaitPart(Part):
     """A gait of a scenario.
@@ -89,16 +124,8 @@ class Straight(GaitPart):
     """
 
     name = "hand"
-    speed: float = 0.3
-    stiffness: float | None = None
-
-    def __post_init__(self) -> None:
-        checks.keep(self, speed=checks.number("speed", self.speed, low=-MAX_SPEED, high=MAX_SPEED))
-        if self.stiffness is not None:
-            stiffness = checks.number(
-                "stiffness", self.stiffness, low=0.0, high=MAX_STIFFNESS, strict=True
-            )
-            checks.keep(self, stiffness=stiffness)
+    speed: float = checks.setting(0.3, low=-MAX_SPEED, high=MAX_SPEED)
+    stiffness: float | None = checks.setting(None, low=0.0, high=MAX_STIFFNESS, strict=True)
 
     @checked
     def make(self, robot: Robot, stiffness: float) -> Gait:
@@ -119,10 +146,9 @@ class Commanded(GaitPart):
 
     name = "commanded"
     not_governed = CommandedGait.not_governed
-    velocity: str | Sequence[float] | Sequence[Sequence[float]] = ((0.0, 0.3, 0.0, 0.0),)
-
-    def __post_init__(self) -> None:
-        checks.keep(self, velocity=_rows(self.velocity, 3))
+    velocity: str | Sequence[float] | Sequence[Sequence[float]] = checks.setting(
+        ((0.0, 0.3, 0.0, 0.0),), read_rows, entries=3
+    )
 
     @checked
     def make(self, robot: Robot, stiffness: float) -> Gait:
@@ -147,14 +173,10 @@ class Walking(GaitPart):
     name = "walking"
     foot_counts = tuple(BY_FEET)
     without = ("solo8",)  # its legs have too few joints to place their feet
-    schedule: str | None = None
-    velocity: str | Sequence[float] | Sequence[Sequence[float]] | None = None
-
-    def __post_init__(self) -> None:
-        if self.schedule is not None:
-            checks.one_of("schedule", self.schedule, ("stand", *SCHEDULES))
-        if self.velocity is not None:
-            checks.keep(self, velocity=_rows(self.velocity, 4))
+    schedule: str | None = checks.setting(None, checks.one_of, valid=("stand", *SCHEDULES))
+    velocity: str | Sequence[float] | Sequence[Sequence[float]] | None = checks.setting(
+        None, read_rows, entries=4
+    )
 
     @checked
     def make(self, robot: Robot, stiffness: float) -> Gait:
@@ -237,38 +259,3 @@ def why_not(robot: str | Robot, gait: object) -> str:
     if isinstance(robot, str):
         return SHORT_LEG.format(robot) if robot in Walking.without else ""
     return why_no_walk(robot)
-
-
-def _rows(velocity: Any, entries: int) -> tuple[tuple[float, ...], ...]:
-    """A velocity as rows of numbers; text may say them as ``VX VY W; Ts VX VY W; ...``."""
-    if isinstance(velocity, str):
-        velocity = [_row(part, first=k == 0) for k, part in enumerate(velocity.split(";"))]
-    if not is_sequence(velocity) or not len(velocity):
-        raise InputError(
-            f"velocity must be (forward, sideways, turning) or rows of (t, ...), got "
-            f"{shown(velocity)}",
-            name="velocity",
-            value=velocity,
-        )
-    first, rows, _ = read_velocity(velocity, entries)
-    return tuple((t, *command.tolist()) for t, command in rows or ((0.0, first),))
-
-
-def _row(text: str, *, first: bool) -> list[float]:
-    """A row (t, forward, sideways, turning, ...) from ``Ts VX VY W``; the first one may leave its
-    time out.
-    """
-    words = text.split()
-    if first and words and not words[0].endswith("s"):
-        words = ["0s", *words]
-    try:
-        if not words[0].endswith("s") or len(words) < 4:
-            raise ValueError
-        return [float(words[0][:-1]), *(float(word) for word in words[1:])]
-    except (IndexError, ValueError):
-        raise InputError(
-            f"velocity must look like 'VX VY W; Ts VX VY W' (m/s, m/s, rad/s), got "
-            f"'{text.strip()}'",
-            name="velocity",
-            value=text,
-        ) from None

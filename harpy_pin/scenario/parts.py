@@ -7,6 +7,7 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import MISSING, asdict, dataclass, fields, is_dataclass
+from functools import cache
 from typing import Any, ClassVar, Self, TypeVar, cast, get_type_hints
 
 from harpy_pin import checks
@@ -16,11 +17,11 @@ from harpy_pin.errors import InputError, shown
 from harpy_pin.gaits.walking.schedules import SCHEDULES
 
 _Part = TypeVar("_Part", bound="Part")
-_Record = TypeVar("_Record")
+type_hints = cache(get_type_hints)  # compiles every annotation
 
 
 @dataclass(frozen=True, kw_only=True)
-class Part:
+class Part(checks.Checked):
     """A part of a scenario: settings that are checked when it is made.
 
     Attributes:
@@ -48,7 +49,7 @@ class Part:
         Raises:
             InputError: a value out of its domain.
         """
-        return read_record(cls, f"part '{cls.name}'", settings)
+        return checks.record(f"part '{cls.name}'", settings, cls)
 
     def to_dict(self) -> dict[str, Any]:
         """Name and settings, ready for JSON and exact."""
@@ -115,27 +116,6 @@ def check_part_name(kinds: Mapping[str, type[Part]], what: str, name: object) ->
     checks.one_of(what, name, kinds, hint=hint)
 
 
-def read_record(kind: type[_Record], what: str, value: Any) -> _Record:
-    """A dataclass from itself, or from a mapping of its attributes; unknown and missing names are
-    refused.
-    """
-    if isinstance(value, kind):
-        return value
-    if not isinstance(value, Mapping):
-        raise InputError(
-            f"{what} must be a {kind.__name__} or a mapping, got {shown(value)}",
-            name=what,
-            value=value,
-        )
-    valid = [entry.name for entry in fields(kind)]  # type: ignore[arg-type]
-    for name in value:
-        checks.one_of(f"entry of the {what}", name, valid)
-    try:
-        return kind(**value)
-    except TypeError as error:
-        raise InputError(f"{what}: {error}", name=what, value=value) from None
-
-
 def defaults_of(kind: type) -> dict[str, Any]:
     """The attributes of a dataclass by name, with their defaults.
 
@@ -148,7 +128,7 @@ def defaults_of(kind: type) -> dict[str, Any]:
         elif entry.default is not MISSING:
             found[entry.name] = entry.default
         else:
-            inside = get_type_hints(kind)[entry.name]
+            inside = type_hints(kind)[entry.name]
             found[entry.name] = inside if is_dataclass(inside) else None
     return found
 

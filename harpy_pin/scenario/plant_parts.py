@@ -18,11 +18,7 @@ from harpy_pin.simulation.mujoco.soft_contact import (
     PRESETS,
     preset_ground,
 )
-from harpy_pin.simulation.pinocchio_plant import (
-    STICTION_TOLERANCE,
-    PinocchioPlant,
-    checked_tolerance,
-)
+from harpy_pin.simulation.pinocchio_plant import STICTION_TOLERANCE, TOLERANCES, PinocchioPlant
 from harpy_pin.simulation.plant import Plant
 from harpy_pin.simulation.simulator import Simulator
 
@@ -87,10 +83,7 @@ class Pinocchio(PlantPart):
     """
 
     name = "pinocchio"
-    stiction_tolerance: float = STICTION_TOLERANCE
-
-    def __post_init__(self) -> None:
-        checks.keep(self, stiction_tolerance=checked_tolerance(self.stiction_tolerance))
+    stiction_tolerance: float = checks.setting(STICTION_TOLERANCE, **TOLERANCES)
 
     @checked
     def make(
@@ -116,14 +109,10 @@ class Mujoco(PlantPart):
     """
 
     name = "mujoco"
-    preset: str = DEFAULT_PRESET
-    foot_radius: float = 0.0
-
-    def __post_init__(self) -> None:
-        checks.one_of("plant preset", self.preset, (*PRESETS, *CONTACTS))
-        checks.keep(
-            self, foot_radius=checks.number("foot_radius", self.foot_radius, low=0.0, high=1.0)
-        )
+    preset: str = checks.setting(
+        DEFAULT_PRESET, checks.one_of, valid=(*PRESETS, *CONTACTS), called="plant preset"
+    )
+    foot_radius: float = checks.setting(0.0, low=0.0, high=1.0)
 
     @checked
     def felt_ground(self, ground: Ground) -> Ground:

@@ -27,7 +27,7 @@ from harpy_pin.scenario.gait_parts import (
     schedules_of,
     why_not,
 )
-from harpy_pin.scenario.parts import plain, read_part, read_record
+from harpy_pin.scenario.parts import plain, read_part
 from harpy_pin.scenario.plant_parts import PLANT_PARTS, PlantPart
 from harpy_pin.simulation.push import check_pushes
 from harpy_pin.simulation.sensing import ESTIMATED, TRUE
@@ -109,10 +109,10 @@ class Scenario:
             "gait": read_part(GAIT_PARTS, "gait", gait, gaits_of(robot)),
             "controller": read_part(CONTROLLER_PARTS, "controller", controller),
             "plant": read_part(PLANT_PARTS, "plant", plant),
-            "disturbances": read_record(
-                Disturbances, "disturbances", {} if disturbances is None else disturbances
+            "disturbances": checks.record(
+                "disturbances", {} if disturbances is None else disturbances, Disturbances
             ),
-            "sensors": None if sensors is None else read_record(Imu, "sensors", sensors),
+            "sensors": None if sensors is None else checks.record("sensors", sensors, Imu),
             "state": state,
             "duration": checks.number("duration", duration, low=0.0, strict=True),
             "period": checks.number("period", period, low=0.0, strict=True),
@@ -122,7 +122,7 @@ class Scenario:
         checks.keep(self, **values)
         self._check_robot()
         self._check_times()
-        own = read_record(Ground, "ground", {} if ground is None else ground)
+        own = checks.record("ground", {} if ground is None else ground, Ground)
         if robot != "harpy" and isinstance(own.stiffness, Unset):
             own = own.fitted(loaded_robot(robot), walks=self.gait.name == Walking.name)
         checks.keep(self, ground=own)

@@ -5,8 +5,7 @@ friction, thrusters.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -24,10 +23,11 @@ from harpy_pin.simulation.thrusters import Thrusters
 
 MAX_BANDWIDTH = 1e6  # Hz
 MAX_TORQUE = 1e6  # N·m, and N·m·s/rad
+POSITIVE: dict[str, Any] = {"low": 0.0, "high": MAX_TORQUE, "strict": True}
 
 
 @dataclass(frozen=True, kw_only=True)
-class Actuators:
+class Actuators(checks.Checked):
     """What motors and joints of the true robot do that the model does not say; nothing by default.
 
     Attributes:
@@ -49,25 +49,18 @@ class Actuators:
             torque. None: 1.
     """
 
-    bandwidth: float | None = None
-    torque_share: float | None = None
-    viscous_friction: float = 0.0
-    coulomb_friction: float = 0.0
-    thrusters: Thrusters = field(default_factory=Thrusters)
-    no_load_speed: float | None = None
-    no_load_share: float | None = None
-    stall_share: float | None = None
+    whose = "actuators' "
+    bandwidth: float | None = checks.setting(None, low=0.0, high=MAX_BANDWIDTH, strict=True)
+    torque_share: float | None = checks.setting(None, **POSITIVE)
+    viscous_friction: float = checks.setting(0.0, low=0.0, high=MAX_TORQUE)
+    coulomb_friction: float = checks.setting(0.0, low=0.0, high=MAX_TORQUE)
+    thrusters: Thrusters = checks.setting(Thrusters(), checks.record, kind=Thrusters)
+    no_load_speed: float | None = checks.setting(None, **POSITIVE)
+    no_load_share: float | None = checks.setting(None, **POSITIVE)
+    stall_share: float | None = checks.setting(None, **POSITIVE)
 
     def __post_init__(self) -> None:
-        if isinstance(self.thrusters, Mapping):
-            for name in self.thrusters:
-                checks.one_of(
-                    "setting of actuators' thrusters",
-                    name,
-                    [entry.name for entry in fields(Thrusters)],
-                )
-            checks.keep(self, thrusters=Thrusters(**self.thrusters))
-        checks.instance("actuators' thrusters", self.thrusters, Thrusters)
+        super().__post_init__()
         told = (self.no_load_speed is not None) + (self.no_load_share is not None)
         if told > 1:
             raise InputError(
@@ -81,17 +74,6 @@ class Actuators:
                 name="stall_share",
                 value=self.stall_share,
             )
-        for entry in fields(self):
-            value = getattr(self, entry.name)
-            if entry.name != "thrusters" and (value is not None or entry.default is not None):
-                strict, high = (
-                    entry.default is None,
-                    MAX_BANDWIDTH if entry.name == "bandwidth" else MAX_TORQUE,
-                )
-                value = checks.number(
-                    f"actuators' {entry.name}", value, low=0.0, high=high, strict=strict
-                )
-                checks.keep(self, **{entry.name: value})
 
     def __bool__(self) -> bool:
         """Whether there is anything that the model does not say."""

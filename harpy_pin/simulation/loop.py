@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from harpy_pin.errors import InputError, RunFileError, reason
-from harpy_pin.files import Shield
+from harpy_pin.files import Shield, check_writable, replaceable
 from harpy_pin.log.journal import Journal
-from harpy_pin.log.recorder import Recorder
+from harpy_pin.log.recorder import BLOCK, Recorder
 from harpy_pin.log.run import Run, describe_versions
 from harpy_pin.log.run_file import FORMAT
 from harpy_pin.model.robot import Robot
@@ -58,45 +58,68 @@ class Controller(Protocol):
         ...
 
 
-def keep_run(
-    plant: Plant,
-    recorder: Recorder,
-    metadata: dict[str, Any],
-    journal: Journal | None,
-    save: str | Path | None,
-) -> tuple[Run, RunFileError | None]:
-    """The run, and why it could not be written if it was to be. A file is left as it is where
-    nothing was logged.
+class RunLog:
+    """The rows of a run: on disk while it goes on where they have a file, and the whole log at its
+    end.
+
+    Args:
+        plant: that runs.
+        save: file of the log; in memory without one.
+        describe: metadata of a run by its ending.
+        block: rows that are written at a time.
+
+    Attributes:
+        recorder: takes the rows.
+
+    Raises:
+        RunFileError: the file cannot be written.
     """
-    if len(recorder) == 0:
-        if journal is not None:
-            journal.remove()
-        return Run(
-            {name: np.zeros((0, *array.shape)) for name, array in plant.signals.items()}, metadata
-        ), None
-    recorder.flush()
-    if journal is not None:
-        journal.end({**metadata, "format": FORMAT})
-    run, unsaved = Run(recorder.take(), metadata), None
-    try:
+
+    def __init__(
+        self,
+        plant: Plant,
+        save: str | Path | None,
+        describe: Callable[[str], dict[str, Any]],
+        *,
+        block: int = BLOCK,
+    ) -> None:
+        self._plant, self._save, self._describe = plant, save, describe
+        self._journal: Journal | None = None
         if save is not None:
-            run.save(save)
-    except RunFileError as error:
-        kept = ""
-        if journal is not None:
-            where = f"'{journal.path}'"
-            kept = (
-                f"; its rows are in {where}"
-                if journal.error is None
-                else f"; {where} holds its beginning"
-            )
-            journal.close()
-        unsaved = RunFileError(f"{error}{kept}", path=save)
-        unsaved.run = run
-    else:
+            check_writable(save)
+            if replaceable(save):
+                self._journal = Journal(save, {**describe("unfinished"), "format": FORMAT})
+        self.recorder = Recorder(self._journal, block=block)
+
+    def close(self, ending: str) -> Run:
+        """The run, written in its place; a file is left as it is where nothing was logged.
+
+        Raises:
+            RunFileError: it cannot be written. The error has the run, and says where its rows are.
+        """
+        metadata, journal = self._describe(ending), self._journal
+        if len(self.recorder) == 0:
+            signals = self._plant.signals
+            run = Run({name: np.zeros((0, *one.shape)) for name, one in signals.items()}, metadata)
+        else:
+            self.recorder.flush()
+            if journal is not None:
+                journal.end({**metadata, "format": FORMAT})
+            run = Run(self.recorder.take(), metadata)
+            try:
+                if self._save is not None:
+                    run.save(self._save)
+            except RunFileError as error:
+                kept = ""
+                if journal is not None:
+                    journal.close()
+                    kept = f"; its rows are in '{journal.path}'"
+                    if journal.error is not None:
+                        kept = f"; '{journal.path}' holds its beginning"
+                raise RunFileError(f"{error}{kept}", path=self._save, run=run) from error
         if journal is not None:
             journal.remove()
-    return run, unsaved
+        return run
 
 
 @dataclass

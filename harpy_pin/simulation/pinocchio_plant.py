@@ -41,6 +41,8 @@ from harpy_pin.simulation.stepped_plant import SteppedPlant, tangent_planes
 
 STICTION_TOLERANCE = 1e-3
 """Default of the speed below which a foot creeps rather than slides, m/s."""
+TOLERANCES: dict[str, Any] = {"low": 1e-6, "high": 1.0}
+"""Bounds of it, m/s."""
 JOINT_TOLERANCE = 1e-2
 """The same of Coulomb friction in the joints, rad/s."""
 LOAD = 2.0
@@ -102,7 +104,9 @@ class PinocchioPlant(SteppedPlant):
                 name="robot",
             )
         super().__init__(robot, ground, dt=dt, gravity=gravity, actuators=actuators)
-        self.stiction_tolerance = checked_tolerance(stiction_tolerance)
+        self.stiction_tolerance = checks.number(
+            "stiction_tolerance", stiction_tolerance, **TOLERANCES
+        )
         self.model: pin.Model = self.dynamics.model
         self.data: pin.Data = self.model.createData()
         self.substeps = self.stages = 0
@@ -244,11 +248,6 @@ class PinocchioPlant(SteppedPlant):
         self._foot_force[:] = impulse / self.dt
         self.dynamics.update(self._q_, self._v_)
         return self._note(self.dynamics._foot_position_)
-
-
-def checked_tolerance(value: float) -> float:
-    """A stiction tolerance, m/s; an :class:`InputError` where it is none."""
-    return checks.number("stiction_tolerance", value, low=1e-6, high=1.0)
 
 
 def contact_force(

@@ -17,15 +17,14 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from harpy_pin import checks
-from harpy_pin.errors import ControlError, InputError, Interrupted
-from harpy_pin.files import Shield, check_writable, replaceable
+from harpy_pin.errors import ControlError, InputError, Interrupted, RunFileError
+from harpy_pin.files import Shield
 from harpy_pin.ground.ground import Ground
 from harpy_pin.kernels import kernel
 from harpy_pin.kernels.calls import Call
-from harpy_pin.log.journal import Journal
 from harpy_pin.log.recorder import BLOCK, Recorder
 from harpy_pin.log.run import Run
-from harpy_pin.log.run_file import FORMAT, MAX_STEP
+from harpy_pin.log.run_file import MAX_STEP
 from harpy_pin.log.slip import forget_slip
 from harpy_pin.model.dynamics import Dynamics
 from harpy_pin.model.entry import all_finite, as_array, as_command
@@ -35,7 +34,7 @@ from harpy_pin.model.robot import Robot, configuration
 from harpy_pin.model.state import Command, State, Vector
 from harpy_pin.model.terms import write_thrusts
 from harpy_pin.simulation.actuators import Actuators, motors_of, take_law
-from harpy_pin.simulation.loop import ClosedLoop, Controller, keep_run, run_metadata
+from harpy_pin.simulation.loop import ClosedLoop, Controller, RunLog, run_metadata
 from harpy_pin.simulation.push import Push, check_pushes
 from harpy_pin.simulation.sensors import Sensors
 from harpy_pin.simulation.step import VERDICTS, PlantRecord, plant_record, stands
@@ -381,14 +380,18 @@ class Plant(KeepsViews, ABC):
         def describe(ending: str) -> dict[str, Any]:
             return {**metadata, **run_metadata(self, controller, ending, period, pushes)}
 
-        journal = None
-        if save is not None:
-            check_writable(save)
-            if replaceable(save):
-                journal = Journal(save, {**describe("unfinished"), "format": FORMAT})
-        recorder = Recorder(journal, block=min(max(round(1.0 / period), 1), BLOCK))
+        log = RunLog(self, save, describe, block=min(max(round(1.0 / period), 1), BLOCK))
         loop = ClosedLoop(
-            self, controller, recorder, ticks, period, substeps, on_tick, on_piece, pushes, sensors
+            self,
+            controller,
+            log.recorder,
+            ticks,
+            period,
+            substeps,
+            on_tick,
+            on_piece,
+            pushes,
+            sensors,
         )
         with Shield() as shield:
             try:
@@ -397,8 +400,11 @@ class Plant(KeepsViews, ABC):
                 loop.ending = "interrupted"
             finally:
                 shield.saving = True
-                recorder.flush()
-            run, unsaved = keep_run(self, recorder, describe(loop.ending), journal, save)
+                log.recorder.flush()
+            try:
+                run, unsaved = log.close(loop.ending), None
+            except RunFileError as error:
+                run, unsaved = error.run, error
             interrupted = loop.ending == "interrupted" or shield.late is not None
             shield.late = None
         lost = "" if unsaved is None else f"; {unsaved}"

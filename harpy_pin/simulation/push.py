@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -16,8 +17,15 @@ from harpy_pin.model.state import Vector
 MAX_IMPULSE = 1e6  # N·s along an axis
 
 
+def _read_impulse(name: str, value: Any) -> tuple[float, ...]:
+    return tuple(
+        checks.number(name, part, low=-MAX_IMPULSE, high=MAX_IMPULSE)
+        for part in checks.vector(name, value, 3).tolist()
+    )
+
+
 @dataclass(frozen=True)
-class Push:
+class Push(checks.Checked):
     """A force on the body's origin that grows and fades as half a sine.
 
     Each physics step applies the mean of the force over the step, so that the impulse is whole
@@ -29,19 +37,9 @@ class Push:
         duration: how long it lasts, s.
     """
 
-    time: float
-    impulse: tuple[float, float, float]
-    duration: float = 0.1
-
-    def __post_init__(self) -> None:
-        impulse = checks.vector("impulse", self.impulse, 3)
-        x, y, z = (
-            checks.number("impulse", part, low=-MAX_IMPULSE, high=MAX_IMPULSE)
-            for part in impulse.tolist()
-        )
-        time = checks.number("time of the push", self.time, low=0.0)
-        duration = checks.number("duration of the push", self.duration, low=0.0, strict=True)
-        checks.keep(self, time=time, impulse=(x, y, z), duration=duration)
+    time: float = field(metadata=checks.rule(low=0.0, called="time of the push"))
+    impulse: tuple[float, float, float] = field(metadata=checks.rule(_read_impulse))
+    duration: float = checks.setting(0.1, low=0.0, strict=True, called="duration of the push")
 
     @checked
     def share(self, begin: float, end: float) -> float:

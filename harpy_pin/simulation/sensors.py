@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from collections import deque
 from dataclasses import dataclass, fields
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -19,10 +20,11 @@ from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import State, Vector
 
 MAX_NOISE = 1e6  # largest standard deviation, in its unit, and largest scale
+DEVIATION: dict[str, Any] = {"low": 0.0, "high": MAX_NOISE}
 
 
 @dataclass(frozen=True, kw_only=True)
-class Noise:
+class Noise(checks.Checked):
     """Standard deviations of white Gaussian noise, on each component and at each tick; zero means
     exact.
 
@@ -57,20 +59,14 @@ class Noise:
         foot_force: of every foot, in swing too, world axes, N.
     """
 
-    joint_position: float = 0.0
-    joint_velocity: float = 0.0
-    position: float = 0.0
-    orientation: float = 0.0
-    velocity: float = 0.0
-    angular_velocity: float = 0.0
-    foot_force: float = 0.0
-
-    def __post_init__(self) -> None:
-        for entry in fields(self):
-            value = checks.number(
-                f"noise {entry.name}", getattr(self, entry.name), low=0.0, high=MAX_NOISE
-            )
-            checks.keep(self, **{entry.name: value})
+    whose = "noise "
+    joint_position: float = checks.setting(0.0, **DEVIATION)
+    joint_velocity: float = checks.setting(0.0, **DEVIATION)
+    position: float = checks.setting(0.0, **DEVIATION)
+    orientation: float = checks.setting(0.0, **DEVIATION)
+    velocity: float = checks.setting(0.0, **DEVIATION)
+    angular_velocity: float = checks.setting(0.0, **DEVIATION)
+    foot_force: float = checks.setting(0.0, **DEVIATION)
 
     @classmethod
     def typical(cls, scale: float = 1.0) -> Noise:

@@ -25,8 +25,23 @@ MAX_THRUST = 1e6  # N, and N/s
 SMALL = 1e-9  # thrust below which a command has no direction, N
 
 
+def _read_failing(name: str, value: Any) -> tuple[int, float, float]:
+    """Index, time and share of what fails; an :class:`InputError` where these are not three values
+    in their domains.
+    """
+    try:
+        index, time, share = value
+    except (TypeError, ValueError):
+        raise InputError(
+            f"{name} must be (index, time, share), got {shown(value)}", name="failing", value=value
+        ) from None
+    index = checks.whole(f"{name} index", index)
+    time = checks.number(f"{name} time", time, low=0.0)
+    return index, time, checks.number(f"{name} share", share, low=0.0, high=1.0)
+
+
 @dataclass(frozen=True, kw_only=True)
-class Thrusters:
+class Thrusters(checks.Checked):
     """What thrusters of the true robot do that the model does not say; nothing by default.
 
     Thrusts have settled at the first command. Limits are of the magnitude, for each thruster.
@@ -46,35 +61,18 @@ class Thrusters:
         InputError: a value out of its domain.
     """
 
-    lag: float = 0.0
-    rate: float | None = None
-    least: float = 0.0
-    largest: float | None = None
-    turning_lag: float = 0.0
-    failing: tuple[int, float, float] | None = None
+    whose = "thrusters' "
+    lag: float = checks.setting(0.0, low=0.0, high=MAX_LAG)
+    rate: float | None = checks.setting(None, low=0.0, high=MAX_THRUST, strict=True)
+    least: float = checks.setting(0.0, low=0.0, high=MAX_THRUST)
+    largest: float | None = checks.setting(None, high=MAX_THRUST)
+    turning_lag: float = checks.setting(0.0, low=0.0, high=MAX_LAG)
+    failing: tuple[int, float, float] | None = checks.setting(None, _read_failing)
 
     def __post_init__(self) -> None:
-        for name, high in (("lag", MAX_LAG), ("least", MAX_THRUST), ("turning_lag", MAX_LAG)):
-            checks.keep(
-                self,
-                **{
-                    name: checks.number(
-                        f"thrusters' {name}", getattr(self, name), low=0.0, high=high
-                    )
-                },
-            )
-        if self.rate is not None:
-            rate = checks.number(
-                "thrusters' rate", self.rate, low=0.0, high=MAX_THRUST, strict=True
-            )
-            checks.keep(self, rate=rate)
+        super().__post_init__()
         if self.largest is not None:
-            largest = checks.number(
-                "thrusters' largest", self.largest, low=self.least, high=MAX_THRUST
-            )
-            checks.keep(self, largest=largest)
-        if self.failing is not None:
-            checks.keep(self, failing=_read_failing(self.failing))
+            checks.number("thrusters' largest", self.largest, low=self.least)
 
     def __bool__(self) -> bool:
         """Whether there is anything that the model does not say."""
@@ -92,23 +90,6 @@ class Thrusters:
             transition[0, 0] = math.exp(-dt / self.lag)
             mean[0] = -math.expm1(-dt / self.lag) * self.lag / dt
         return transition, mean
-
-
-def _read_failing(value: Any) -> tuple[int, float, float]:
-    """Index, time and share of what fails; an :class:`InputError` where these are not three values
-    in their domains.
-    """
-    try:
-        index, time, share = value
-    except (TypeError, ValueError):
-        raise InputError(
-            f"thrusters' failing must be (index, time, share), got {shown(value)}",
-            name="failing",
-            value=value,
-        ) from None
-    index = checks.whole("thrusters' failing index", index)
-    time = checks.number("thrusters' failing time", time, low=0.0)
-    return index, time, checks.number("thrusters' failing share", share, low=0.0, high=1.0)
 
 
 class ThrustersRecord(RecordOf):

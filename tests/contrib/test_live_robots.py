@@ -7,9 +7,9 @@ import pytest
 from needs import needs_robots
 
 import harpy_pin as hp
+from harpy_pin.contrib.live.charts import WholeFeet
 from harpy_pin.contrib.live.drive import LiveLog
 from harpy_pin.contrib.live.live_session import PERIOD, LiveSession
-from harpy_pin.contrib.live.panel import WholeFeet
 from harpy_pin.contrib.live.settings import DriveRanges, usual_settings
 from harpy_pin.errors import InputError
 from harpy_pin.log.run import Run

@@ -232,7 +232,7 @@ def test_axes_that_are_all_parallel(tmp_path):
 def test_many_jumps_are_planned_once(monkeypatch):
     """And there is an upper end."""
     with pytest.raises(hp.InputError, match="at most 100"):
-        flying_gait.read_flights([flight.Jump()] * 101)
+        flying_gait.read_flights("flights", [flight.Jump()] * 101)
     planned = []
     monkeypatch.setattr(flying_gait, "plan_jump", lambda flyer, jump: planned.append(jump))
     flight.FlyingGait(hp.make_commanded_gait(ROBOT), [flight.Jump(), flight.Fly()] * 30)

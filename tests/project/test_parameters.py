@@ -2,11 +2,13 @@
 
 import math
 import re
+from dataclasses import dataclass, field
 from functools import partial
 
 import pytest
 
 import harpy_pin as hp
+from harpy_pin import checks
 from harpy_pin.contrib.battery import Battery
 from harpy_pin.contrib.power import Motors
 from harpy_pin.contrib.thrusters import SecondOrderThrusters
@@ -263,3 +265,29 @@ def test_numbers_out_of_their_domain_are_refused_by_name(kind):
             assert re.search(WORDS.get(name, name), str(caught.value).replace(" ", "_")), (
                 caught.value
             )
+
+
+def test_settings_keep_what_their_check_makes_of_them():
+    """Also those of a subclass; None where it is the default, and only there."""
+
+    @dataclass(frozen=True)
+    class Wheel(checks.Checked):
+        whose = "wheel's "
+        radius: float = field(metadata=checks.rule(low=0.0, strict=True))
+        width: float | None = checks.setting(None, low=0.0, called="width of the tyre")
+        axis: tuple[float, ...] = checks.setting((0, 1, 0), lambda name, value: tuple(value))
+
+    @dataclass(frozen=True)
+    class Hub(Wheel):
+        spokes: int = checks.setting(3, checks.whole, high=9)
+
+    hub = Hub(radius=1, axis=[1, 0, 0])
+    assert repr(hub.radius) == "1.0"
+    assert (hub.width, hub.axis, hub.spokes) == (None, (1, 0, 0), 3)
+    for given, says in (
+        ({"radius": None}, "wheel's radius must be a number"),
+        ({"radius": 1.0, "width": -1.0}, "width of the tyre must be finite and ≥ 0, got -1.0"),
+        ({"radius": 1.0, "spokes": 10}, "wheel's spokes must be a whole number ≥ 0 and ≤ 9"),
+    ):
+        with pytest.raises(hp.InputError, match=re.escape(says)):
+            Hub(**given)

@@ -47,17 +47,9 @@ class Flight(Part):
     where they touch it, the way is ``forward`` and ``left``, m.
     """
 
-    height: float = 0.3
-    forward: float = 0.0
-    left: float = 0.0
-
-    def __post_init__(self) -> None:
-        checks.keep(self, height=checks.number("height", self.height, low=0.02, high=HIGHEST))
-        for name in ("forward", "left"):
-            checks.keep(
-                self,
-                **{name: checks.number(name, getattr(self, name), low=-FARTHEST, high=FARTHEST)},
-            )
+    height: float = checks.setting(0.3, low=0.02, high=HIGHEST)
+    forward: float = checks.setting(0.0, low=-FARTHEST, high=FARTHEST)
+    left: float = checks.setting(0.0, low=-FARTHEST, high=FARTHEST)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -70,14 +62,7 @@ class Jump(Flight):
     """
 
     name = "jump"
-    carried: float = 0.5
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        checks.keep(
-            self,
-            carried=checks.number("carried share of the weight", self.carried, low=0.2, high=0.9),
-        )
+    carried: float = checks.setting(0.5, low=0.2, high=0.9, called="carried share of the weight")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -90,22 +75,11 @@ class Fly(Flight):
     """
 
     name = "fly"
-    hover: float = 0.0
-    acceleration: float = 1.0
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        acceleration = checks.number(
-            "acceleration", self.acceleration, low=0.0, high=5.0, strict=True
-        )
-        checks.keep(
-            self,
-            hover=checks.number("hover", self.hover, low=0.0, high=1e6),
-            acceleration=acceleration,
-        )
+    hover: float = checks.setting(0.0, low=0.0, high=1e6)
+    acceleration: float = checks.setting(1.0, low=0.0, high=5.0, strict=True)
 
 
-def read_flights(given: Any) -> tuple[Jump | Fly, ...]:
+def read_flights(name: str, given: Any) -> tuple[Jump | Fly, ...]:
     """One or several flights from themselves, their names, or mappings as :meth:`Part.to_dict`
     makes them.
 
@@ -116,8 +90,8 @@ def read_flights(given: Any) -> tuple[Jump | Fly, ...]:
     flights = tuple(read_part(kinds, "flight", one) for one in several)
     if not 0 < len(flights) <= MAX_FLIGHTS:
         raise InputError(
-            f"flights must be at least one Jump or Fly, and at most {MAX_FLIGHTS}",
-            name="flights",
+            f"{name} must be at least one Jump or Fly, and at most {MAX_FLIGHTS}",
+            name=name,
             value=given,
         )
     return flights

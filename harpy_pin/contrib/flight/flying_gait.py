@@ -41,7 +41,7 @@ from harpy_pin.ground.terrain import Plane, Terrain
 from harpy_pin.model.entry import as_state
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import State, Vector
-from harpy_pin.scenario.gait_parts import GAIT_PARTS, Commanded, GaitPart
+from harpy_pin.scenario.gait_parts import GAIT_PARTS, Commanded, GaitPart, read_rows
 
 PHASES = ("stand", "bend", "push", "unload", "air", "land", "gait")
 """Phases, in the order of the signal ``flight_phase``."""
@@ -97,7 +97,7 @@ class FlyingGait(Gait):
         normal_error: float = 0.0,
     ) -> None:
         super().__init__(gait.robot)
-        self.flights = read_flights(flights)
+        self.flights = read_flights("flights", flights)
         self.terrain = Plane(slope=0.0) if terrain is None else terrain
         if not self.robot.feet or not self.robot.thrusters:
             raise InputError(
@@ -347,24 +347,16 @@ class Flying(GaitPart):
     name = "flying"
     extension = "harpy_pin.contrib.flight"
     not_governed = FlyingGait.not_governed
-    flights: Flight | Sequence[Flight | Mapping[str, Any]] = (Jump(),)
-    velocity: Sequence[float] | Sequence[Sequence[float]] = ((0.0, 0.0, 0.0, 0.0),)
-    start: float = 0.5
-
-    def __post_init__(self) -> None:
-        checks.keep(
-            self,
-            flights=read_flights(self.flights),
-            velocity=Commanded(velocity=self.velocity).velocity,
-        )
-        checks.keep(self, start=checks.number("start", self.start, low=0.0, high=1e6))
+    flights: Flight | Sequence[Flight | Mapping[str, Any]] = checks.setting((Jump(),), read_flights)
+    velocity: Sequence[float] | Sequence[Sequence[float]] = checks.setting(
+        ((0.0, 0.0, 0.0, 0.0),), read_rows, entries=3
+    )
+    start: float = checks.setting(0.5, low=0.0, high=1e6)
 
     def to_dict(self) -> dict[str, Any]:
         """See :class:`~harpy_pin.scenario.parts.Part`."""
-        return {
-            **super().to_dict(),
-            "flights": [flight.to_dict() for flight in read_flights(self.flights)],
-        }
+        flights = read_flights("flights", self.flights)
+        return {**super().to_dict(), "flights": [flight.to_dict() for flight in flights]}
 
     @checked
     def make(self, robot: Robot, stiffness: float) -> Gait:

@@ -19,12 +19,9 @@ from harpy_pin.contrib.live.settings import LiveSettings
 from harpy_pin.contrib.live.times import TickTimes
 from harpy_pin.errors import InputError, RunFileError
 from harpy_pin.files import Shield, check_writable, replaceable
-from harpy_pin.log.journal import Journal
-from harpy_pin.log.recorder import Recorder
 from harpy_pin.log.run import Run
-from harpy_pin.log.run_file import FORMAT
 from harpy_pin.model.robot import Robot
-from harpy_pin.simulation.loop import keep_run, run_metadata
+from harpy_pin.simulation.loop import RunLog, run_metadata
 from harpy_pin.view.identity import CONTROLLERS
 
 if TYPE_CHECKING:
@@ -258,7 +255,7 @@ class Drive:
         driven.factor = 1.0 - min(session.pacer.lost / elapsed, 1.0) if elapsed > 0.0 else 1.0
 
 
-class LiveLog:
+class LiveLog(RunLog):
     """What was driven, as a run on disk: its rows leave the memory every second, and are read back
     at the end.
 
@@ -277,29 +274,12 @@ class LiveLog:
         check_writable(path)
         if not replaceable(path):
             raise RunFileError(f"cannot write '{path}': a drive is saved as a file", path=path)
-        self.path = Path(path)
         self._session = session
-        self._journal = Journal(path, {**self._metadata("unfinished"), "format": FORMAT})
-        self._recorder = Recorder(self._journal)
+        super().__init__(session.simulator, path, self._metadata)
 
     def append(self) -> None:
         """Keep a tick."""
-        self._recorder.append(self._session.signals)
-
-    def close(self, ending: str) -> Run:
-        """Write the log in its place, with an ending (:attr:`harpy_pin.log.run.Run.ending`).
-
-        Raises:
-            RunFileError: it cannot be written; its rows are in the journal beside it, which the
-                message names.
-        """
-        simulator = self._session.simulator
-        run, unsaved = keep_run(
-            simulator, self._recorder, self._metadata(ending), self._journal, self.path
-        )
-        if unsaved is not None:
-            raise unsaved
-        return run
+        self.recorder.append(self._session.signals)
 
     def _metadata(self, ending: str) -> dict[str, Any]:
         """How the drive came about and how it ended."""

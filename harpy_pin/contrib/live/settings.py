@@ -30,29 +30,12 @@ MAX_SPEED, MAX_SLOPE = 3.0, 0.35
 of the slope, rad.
 """
 MIN_FRICTION, MAX_FRICTION = 0.02, 1.0
-ENDS: Mapping[str, tuple[float, float]] = {
-    "forward": (-MAX_SPEED, MAX_SPEED),
-    "sideways": (-MAX_SPEED, MAX_SPEED),
-    "turning": (-2.0, 2.0),
-    "height": (-0.5, 0.5),
-    "friction": (MIN_FRICTION, MAX_FRICTION),
-    "stiffness": (
-        0.01 * SOFTEST,
-        100.0 * HARDEST,
-    ),  # of robots from a hundredth to a hundred times Harpy's weight
-    "slope": (-MAX_SLOPE, MAX_SLOPE),
-    "noise": (0.0, 10.0),
-    "pace": (0.01, 1.0),
-}
-"""Least and largest value of settings, in their units; those of a robot (:class:`DriveRanges`) lie
-between them.
-"""
 MAX_DELAY = 20
 """Largest delay of the measurements, ms."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class LiveSettings:
+class LiveSettings(checks.Checked):
     """Everything that a driver sets; pushes and resets are not settings but events.
 
     Attributes:
@@ -82,39 +65,31 @@ class LiveSettings:
         InputError: an unknown name, or a value out of its domain.
     """
 
-    controller: str = "condensed"
-    forward: float = 0.0
-    sideways: float = 0.0
-    turning: float = 0.0
-    height: float = 0.0
-    schedule: str | None = None
-    friction: float = 0.8
+    controller: str = checks.setting("condensed", checks.one_of, valid=CONTROLLERS)
+    forward: float = checks.setting(0.0, low=-MAX_SPEED, high=MAX_SPEED)
+    sideways: float = checks.setting(0.0, low=-MAX_SPEED, high=MAX_SPEED)
+    turning: float = checks.setting(0.0, low=-2.0, high=2.0)
+    height: float = checks.setting(0.0, low=-0.5, high=0.5)
+    schedule: str | None = checks.setting(None, checks.one_of, valid=SCHEDULES)
+    friction: float = checks.setting(0.8, low=MIN_FRICTION, high=MAX_FRICTION)
     friction_strips: tuple[tuple[float, float, float], ...] = ()
-    stiffness: float = 8000.0
-    slope: float = 0.0
-    assumed: float | None = None
+    # of robots from a hundredth to a hundred times Harpy's weight
+    stiffness: float = checks.setting(8000.0, low=0.01 * SOFTEST, high=100.0 * HARDEST)
+    slope: float = checks.setting(0.0, low=-MAX_SLOPE, high=MAX_SLOPE)
+    assumed: float | None = checks.setting(
+        None, low=0.0, high=checks.MAX_FRICTION, called="assumed friction"
+    )
     estimate: bool = False
-    state: str = TRUE
-    delay: int = 0
-    noise: float = 0.0
-    pace: float = 1.0
+    state: str = checks.setting(TRUE, checks.one_of, valid=(TRUE, ESTIMATED))
+    delay: int = checks.setting(0, checks.whole, high=MAX_DELAY, called="delay in ms")
+    noise: float = checks.setting(0.0, low=0.0, high=10.0)
+    pace: float = checks.setting(1.0, low=0.01, high=1.0)
 
     def __post_init__(self) -> None:
-        checks.one_of("controller", self.controller, CONTROLLERS)
-        for name, (low, high) in ENDS.items():
-            checks.keep(
-                self, **{name: checks.number(name, getattr(self, name), low=low, high=high)}
-            )
-        if self.schedule is not None:
-            checks.one_of("schedule", self.schedule, SCHEDULES)
+        super().__post_init__()
         checks.keep(
             self, friction_strips=Ground(friction_strips=self.friction_strips).friction_strips
         )
-        if self.assumed is not None:
-            assumed = checks.number(
-                "assumed friction", self.assumed, low=0.0, high=checks.MAX_FRICTION
-            )
-            checks.keep(self, assumed=assumed)
         if not isinstance(self.estimate, bool):
             raise InputError(
                 f"estimate must be true or false, got {self.estimate!r:.60}", name="estimate"
@@ -123,8 +98,6 @@ class LiveSettings:
             raise InputError(
                 "without a governor nothing takes an estimate of the friction", name="estimate"
             )
-        checks.keep(self, delay=checks.whole("delay in ms", self.delay, high=MAX_DELAY))
-        checks.one_of("state", self.state, (TRUE, ESTIMATED))
         if self.state == ESTIMATED and (self.noise or self.delay):
             raise InputError(
                 "the sensors of the estimate have noise of their own: set noise and delay to 0",

@@ -34,7 +34,7 @@ from harpy_pin.ground.ground import Ground
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
 from harpy_pin.simulation.actuators import Actuators
-from harpy_pin.simulation.mujoco.conventions import from_mujoco, installed_version
+from harpy_pin.simulation.mujoco.conventions import from_mujoco
 from harpy_pin.simulation.mujoco.mujoco_model import MujocoModel
 from harpy_pin.simulation.mujoco.soft_contact import SoftContact, write_contact
 from harpy_pin.simulation.plant import GRAVITY
@@ -151,7 +151,7 @@ class MujocoPlant(SteppedPlant):
             }
         about = {
             "name": self.name,
-            "version": installed_version(),
+            "version": self._inside.mujoco.__version__,
             **contact,
             "impratio": float(model.opt.impratio),
         }

@@ -38,8 +38,15 @@ SMALLEST = 1e-15  # square of a friction coefficient
 HALVINGS = 60
 
 
+def _read_positive(name: str, value: Any, length: int) -> tuple[float, ...]:
+    values = tuple(checks.vector(name, value, length).tolist())
+    if min(values) <= 0.0:
+        raise InputError(f"{name} must be positive, got {values}", name=name, value=values)
+    return values
+
+
 @dataclass(frozen=True, kw_only=True)
-class SoftContact:
+class SoftContact(checks.Checked):
     """Settings of MuJoCo's contact by their names there; by default its own defaults.
 
     Attributes:
@@ -51,23 +58,15 @@ class SoftContact:
         tolerance: of Newton's solver.
     """
 
-    solref: tuple[float, float] = (0.02, 1.0)
-    solimp: tuple[float, float, float, float, float] = (0.9, 0.95, 0.001, 0.5, 2.0)
-    cone: Literal["pyramidal", "elliptic"] = "pyramidal"
-    impratio: float = 1.0
-    tolerance: float = 1e-8
-
-    def __post_init__(self) -> None:
-        for name, length in (("solref", 2), ("solimp", 5)):
-            values = tuple(checks.vector(name, getattr(self, name), length).tolist())
-            if min(values) <= 0.0:
-                raise InputError(f"{name} must be positive, got {values}", name=name, value=values)
-            object.__setattr__(self, name, values)
-        checks.one_of("cone", self.cone, ("pyramidal", "elliptic"))
-        object.__setattr__(
-            self, "impratio", checks.number("impratio", self.impratio, low=0.0, strict=True)
-        )
-        object.__setattr__(self, "tolerance", checks.number("tolerance", self.tolerance, low=0.0))
+    solref: tuple[float, float] = checks.setting((0.02, 1.0), _read_positive, length=2)
+    solimp: tuple[float, float, float, float, float] = checks.setting(
+        (0.9, 0.95, 0.001, 0.5, 2.0), _read_positive, length=5
+    )
+    cone: Literal["pyramidal", "elliptic"] = checks.setting(
+        "pyramidal", checks.one_of, valid=("pyramidal", "elliptic")
+    )
+    impratio: float = checks.setting(1.0, low=0.0, strict=True)
+    tolerance: float = checks.setting(1e-8, low=0.0)
 
     @checked
     def impedance(self, depth: ArrayLike) -> Vector:
