@@ -2,8 +2,9 @@
 time.
 
 It is no :class:`~harpy_pin.gaits.walking.WalkingGait` with Harpy's numbers, because Harpy's
-thrusters carry its body along the path by the clock, where that one steps as a body without
-thrusters has to, and slips several times as far at friction 0.25.
+thrusters carry its body along the path by the clock: that one steps as a body on two points without
+thrusters has to, and at friction 0.25 goes half as far, does not turn, and slips three times as far
+per metre.
 """
 
 from __future__ import annotations
@@ -30,6 +31,7 @@ from harpy_pin.gaits.straight import (
 )
 from harpy_pin.gaits.velocity import FollowsVelocity, Velocity, VelocityRecord
 from harpy_pin.ground.surface import TerrainRecord, flat_terrain
+from harpy_pin.ground.terrain import Terrain
 from harpy_pin.kernels.calls import Call
 from harpy_pin.model.kinematics import leg_inverse, leg_inverse_kinematics
 from harpy_pin.model.memory import fixed_arrays
@@ -204,6 +206,11 @@ class CommandedGait(FollowsVelocity):
             foot = (0.0, p.width * (1.0 - 2.0 * k), -depth)
             q[7 + 3 * k : 10 + 3 * k] = leg_inverse_kinematics(geometry, foot)
         return q, np.zeros(self.robot.nv)
+
+    def expect_terrain(self, terrain: Terrain, *, reach: float) -> bool:
+        """See :meth:`~harpy_pin.gaits.gait.Gait.expect_terrain`; no foot is set on edges."""
+        self._record_["terrain"] = terrain.record
+        return False
 
     def describe(self) -> Mapping[str, Any]:
         """Parameters, limits and script, for the log's metadata."""

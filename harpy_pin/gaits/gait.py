@@ -200,6 +200,18 @@ class Gait(KeepsViews, ABC):
             mu: friction coefficient.
         """
 
+    def expect_terrain(self, terrain: Terrain, *, reach: float) -> bool:
+        """Plan for the ground over which it is laid (:class:`~harpy_pin.gaits.OnTerrain`).
+
+        Args:
+            terrain: of the ground.
+            reach: half the side of the square around the body whose plane the body follows, m.
+
+        Returns:
+            Whether the targets of its swing feet have heights in the world from then on.
+        """
+        return False
+
     def describe(self) -> Mapping[str, Any]:
         """Parameters, for the log's metadata."""
         return {"gait": type(self).__name__, "step_duration": self.step_duration}

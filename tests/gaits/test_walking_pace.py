@@ -16,10 +16,8 @@ import harpy_pin as hp
 from harpy_pin.gaits.walking import WalkingParameters
 from harpy_pin.gaits.walking.build import build_of
 from harpy_pin.gaits.walking.footholds import _keep_in_reach
-from harpy_pin.gaits.walking.parameters import TunedRecord
-from harpy_pin.gaits.walking.pendulum import upright_end
+from harpy_pin.gaits.walking.pendulum import upright_share
 from harpy_pin.gaits.walking.swing_load import fastest_speed, swing_load
-from harpy_pin.model.record import make_record
 
 TUNED = WalkingParameters()
 
@@ -98,7 +96,7 @@ def test_legs_of_a_bound_reach_their_feet_at_its_largest_speed(name):
     robot = hp.load_robot(name)
     gait = hp.WalkingGait(robot, schedule="bound")
     build = build_of(robot, hp.Standing(robot).initial_state()[0], TUNED)
-    apart = build.place[:, :2] - build.place[:, :2].mean(axis=0)
+    apart = build.around()
     behind = 0.5 * gait.max_speed * (1.0 + gait.double_support) * gait.step_duration
     hip = build.reach**2 - (0.98 * build.leg) ** 2  # minus its squared height
     for drawn in np.linalg.norm(apart - gait.record["pace"]["nominal"][0], axis=1):
@@ -122,7 +120,7 @@ def test_anymal_b_bounds_as_fast_as_its_legs_reach():
 def test_a_foot_is_slow_when_it_is_near_the_ground(speed, near, low, height):
     # A trot with steps of 1 s: a foot goes two steps' way in a swing of 0.95 s, by the motion of
     # least jerk.
-    end, swing = upright_end(make_record(TunedRecord, **vars(TUNED)), speed, 1.0, near), 0.95
+    end, swing = upright_share(speed, TUNED.creep, near, TUNED.upright_end), 0.95
     assert end >= TUNED.upright_end
     settle = TUNED.settle
     # the height there falls at the rate at which it goes on to the ground

@@ -10,11 +10,10 @@ from harpy_pin.errors import InputError
 from harpy_pin.gaits.fitting import GRAVITY
 from harpy_pin.gaits.velocity import warn_maker
 from harpy_pin.gaits.walking.build import Build
-from harpy_pin.gaits.walking.parameters import TunedRecord, WalkingParameters
-from harpy_pin.gaits.walking.pendulum import upright_end
+from harpy_pin.gaits.walking.parameters import WalkingParameters
+from harpy_pin.gaits.walking.pendulum import upright_share
 from harpy_pin.gaits.walking.schedules import draw_together
 from harpy_pin.gaits.walking.swing_load import fastest_speed, holding_load, swing_load
-from harpy_pin.model.record import make_record
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
 
@@ -80,11 +79,11 @@ def pace_of(
         most, limited_by = max_speed, "max_speed"
     else:
         omega, near = float(np.sqrt(GRAVITY / build.rise)), w.near if gentle else w.straight_near
-        tuned = make_record(TunedRecord, **vars(w))
+        creep = w.creep * (omega * build.height)
 
         def load(speed: float) -> float:
             lasts = shortened(speed)
-            upright = upright_end(tuned, speed, omega * build.height, near)
+            upright = upright_share(speed, creep, near, w.upright_end)
             pushed = max(push * speed / (lasts * w.free_push), 1.0) if runs else 1.0
             return pushed * swing_load(robot, q, build, speed, lasts, both, clearance, upright)
 
@@ -132,8 +131,7 @@ def _reach(build: Build, group: NDArray[np.int64], w: WalkingParameters) -> floa
         return build.reach
     two_soles = len(build.place) == 2 and build.sole[0] > 0.0
     used = w.knee_torque / max(build.knee, w.knee_torque) if two_soles else w.reach_used
-    apart = build.place[:, :2] - build.place[:, :2].mean(axis=0)
-    together = apart.copy()
+    apart, together = build.around(), build.around()
     draw_together(together, group, build.narrow)
     drawn = float(np.linalg.norm(apart - together, axis=1).max())
     return used * (build.reach - drawn) if drawn > 0.0 else build.reach

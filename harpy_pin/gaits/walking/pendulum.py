@@ -20,7 +20,6 @@ from harpy_pin.model.state import Vector
 from harpy_pin.model.vectors import rotation_in_plane
 
 if TYPE_CHECKING:
-    from harpy_pin.gaits.walking.parameters import TunedRecord
     from harpy_pin.gaits.walking.record import WalkingRecord
 
 SAME = 1e-6
@@ -86,28 +85,19 @@ def toward(
 
 
 @kernel
-def upright_end(w: TunedRecord, speed: float, natural: float, near: float) -> float:
-    """Share of its swing, at the end, in which a foot moves vertically, at a speed of the walk.
+def upright_share(speed: float, creep: float, near: float, least: float) -> float:
+    """Share of its swing, at one of its ends, in which a foot moves vertically, at a speed of the
+    walk, m/s.
 
+    It is ``least`` or more. In the share ``near`` the foot is near the ground, and moves across it
+    at ``creep``, m/s, at most.
     A foot that meets the ground while it moves across it is thrown up by contacts that are convex,
-    such as MuJoCo's, at μ times that velocity. So a fast one stops earlier. ``natural`` is ω times
-    the body's height, ``near`` the share in which the foot is near to the ground.
+    such as MuJoCo's, at μ times that velocity. Ground that gives way follows a foot that rises, and
+    holds on to one that moves across it faster than it rises.
     """
     if speed <= 0.0:
-        return w.upright_end
-    return float(max(near - np.sqrt(w.creep * natural / (RACE * speed)), w.upright_end))
-
-
-@kernel
-def upright_begin(w: TunedRecord, speed: float, natural: float) -> float:
-    """Share of its swing, at the beginning, in which a foot goes straight up that is in the ground.
-
-    Ground that gives way follows a foot that rises, and holds on to one that moves across it faster
-    than it rises. Arguments as of :func:`upright_end`.
-    """
-    if speed <= 0.0:
-        return w.stuck
-    return float(max(w.out - np.sqrt(w.creep * natural / (RACE * speed)), w.stuck))
+        return least
+    return float(max(near - np.sqrt(creep / (RACE * speed)), least))
 
 
 @kernel(points=("n", 2))

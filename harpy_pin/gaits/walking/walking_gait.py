@@ -22,7 +22,10 @@ from harpy_pin.gaits.walking.pace import pace_of
 from harpy_pin.gaits.walking.parameters import WalkingParameters, changed, parameters_of
 from harpy_pin.gaits.walking.record import WalkingRecord, walking_record
 from harpy_pin.gaits.walking.schedules import BY_FEET, draw_together, groups_of
+from harpy_pin.gaits.walking.swinging import PEAK
 from harpy_pin.gaits.walking.tick import advance
+from harpy_pin.ground.surface import greatest_rise
+from harpy_pin.ground.terrain import Terrain
 from harpy_pin.kernels.calls import Call
 from harpy_pin.model.entry import as_state
 from harpy_pin.model.legs import legs
@@ -113,7 +116,7 @@ class WalkingGait(FollowsVelocity):
                 f"'{robot.name}' has points as feet on legs of {most_joints} joints: flat_feet "
                 f"makes them soles"
             )
-        self._group = groups_of(self.schedule, build.place[:, :2] - build.place[:, :2].mean(axis=0))
+        self._group = groups_of(self.schedule, build.around())
         if clearance is None:
             clearance = w.clearance * build.leg
         clearance = checks.number("clearance", clearance, low=0.0, high=build.leg, strict=True)
@@ -177,7 +180,7 @@ class WalkingGait(FollowsVelocity):
         self._followed["max_aside"], self._followed["max_turn"] = share * aside, share * w.max_turn
         if pace["sways"][0]:
             grip = min(max((mu - w.slippery) / (w.firm - w.slippery), 0.0), 1.0)
-            nominal = build.place[:, :2] - build.place[:, :2].mean(axis=0)
+            nominal = build.around()
             apart = draw_together(nominal, group, build.narrow)
             close = w.slippery_gap + float(build.sole[1])
             draw_together(nominal, group, apart - (1.0 - grip) * max(apart - close, 0.0))
@@ -187,6 +190,27 @@ class WalkingGait(FollowsVelocity):
                 self._record_["footholds"]["middle"] = middle
             for name in ("slow_double_support", "fast_double_support"):
                 pace[name] = swift + grip * (getattr(self._pace, name) - swift)
+
+    def expect_terrain(self, terrain: Terrain, *, reach: float) -> bool:
+        """See :meth:`~harpy_pin.gaits.gait.Gait.expect_terrain`.
+
+        On points, on ground that is no plane, feet go over it by heights in the world, and steps
+        last as long as lifting a foot takes.
+        """
+        w, t = self.parameters, terrain.record
+        pace, steps = self._record_["pace"], self._record_["steps"]
+        self._record_["terrain"], pace["ground_reach"] = t, reach
+        if self._build.soles or not (t["pieces"][0] or t["cells"][0, 2]):
+            return False
+        both = pace["fast_double_support"]
+        pace["steps_over"] = pace["slow_load_ramp"] = pace["fast_load_ramp"] = 1
+        pace["slow_double_support"] = steps["double_support"] = both
+        rise = greatest_rise(t, w.longest_way * self._build.height)
+        rising = float(np.sqrt(PEAK * (float(pace["clearance"][0]) + rise) / w.lift_acceleration))
+        least = rising / float(w.apex * (1.0 - both[0]))
+        self.step_duration = max(least, float(pace["usual_step"][0]))
+        pace["usual_step"] = steps["duration"] = self.step_duration
+        return True
 
     def observe(self, state: State) -> None:
         """See :meth:`~harpy_pin.gaits.gait.Gait.observe`; entries that are not finite are ignored.
