@@ -45,17 +45,9 @@ def roll(e: EstimatorRecord) -> None:
     """Velocities of the centres of round feet that roll on the level: ω × (0, 0, radius), world
     axes.
     """
-    e.rolling[:] = 0.0
     for k in range(e.foot_radius.shape[0]):
-        if e.foot_radius[k] > 0.0:
-            _roll(e, k)
-
-
-@kernel
-def _roll(e: EstimatorRecord, k: int) -> None:
-    """Of one."""
-    w = e.filter.rotation @ e.dynamics.tree.twist[e.dynamics.body[k], 3:]
-    e.rolling[k, 0], e.rolling[k, 1] = e.foot_radius[k] * w[1], -e.foot_radius[k] * w[0]
+        w = e.filter.rotation @ e.dynamics.tree.twist[e.dynamics.body[k], 3:]
+        e.rolling[k] = e.foot_radius[k] * np.array([w[1], -w[0], 0.0])
 
 
 @kernel

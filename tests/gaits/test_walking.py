@@ -17,15 +17,10 @@ from scipy.optimize import nnls
 from walks import made_state, states_of, walk, walked
 
 import harpy_pin as hp
+from harpy_pin.gaits.swing import toward
 from harpy_pin.gaits.walking.footholds import widen_stance
 from harpy_pin.gaits.walking.measuring import measure
-from harpy_pin.gaits.walking.pendulum import (
-    cyclic_offset,
-    nearest_in_hull,
-    predict,
-    real_duration,
-    toward,
-)
+from harpy_pin.gaits.walking.pendulum import cyclic_offset, nearest_in_hull, predict, real_duration
 from harpy_pin.gaits.walking.schedules import draw_together
 
 small = st.floats(-1.0, 1.0)

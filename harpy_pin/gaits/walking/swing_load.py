@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from harpy_pin.errors import InputError
 from harpy_pin.gaits.fitting import GRAVITY
+from harpy_pin.gaits.swing import toward
 from harpy_pin.gaits.walking.build import Build
-from harpy_pin.gaits.walking.pendulum import toward
 from harpy_pin.model.legs import legs
 from harpy_pin.model.posed import Posed
 from harpy_pin.model.robot import Robot

@@ -10,8 +10,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from harpy_pin.gaits.swing import toward
 from harpy_pin.gaits.velocity import foot_speed
-from harpy_pin.gaits.walking.pendulum import hip_place, toward, upright_share, wrapped
+from harpy_pin.gaits.walking.pendulum import hip_place, upright_share, wrapped
 from harpy_pin.gaits.walking.record import WalkingRecord
 from harpy_pin.gaits.walking.rolling import flat_place
 from harpy_pin.ground.surface import surface_height
