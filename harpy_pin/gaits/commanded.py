@@ -20,9 +20,9 @@ from numpy.typing import ArrayLike
 
 from harpy_pin import checks
 from harpy_pin.arguments import checked
-from harpy_pin.errors import InputError, shown
-from harpy_pin.gaits.gait import LONGEST, GaitTarget, two_legs
-from harpy_pin.gaits.steering import LONGEST_GAP, advance, restart
+from harpy_pin.errors import InputError
+from harpy_pin.gaits.gait import two_legs
+from harpy_pin.gaits.steering import advance, restart
 from harpy_pin.gaits.straight import (
     TUNED_STIFFNESS,
     StepParameters,
@@ -128,6 +128,7 @@ class CommandedGait(FollowsVelocity):
     """
 
     not_governed = "faces x and cannot turn"
+    _advance = advance
 
     @checked
     def __init__(
@@ -152,7 +153,6 @@ class CommandedGait(FollowsVelocity):
             max_bend=inf,
             terrain=flat_terrain(),
         )
-        self._state = self._record_[0]
         self._follow(velocity, self._record_, self._record_)
         restart.prepare(self._record_)
         advance.prepare(0.0, self._record_, self.target._record_)
@@ -160,32 +160,6 @@ class CommandedGait(FollowsVelocity):
 
     def __repr__(self) -> str:
         return f"{type(self).__name__}('{self.robot.name}')"
-
-    def update(self, t: float) -> GaitTarget:
-        """Targets at time t ≥ 0, s; time zero, or one more than a step before the last, begins the
-        walk anew.
-
-        Args:
-            t: time, s.
-
-        Raises:
-            InputError: t is not finite, beyond 1e9 s, or more than 1000 s after the last one; or
-                the function of the command returns other than three numbers.
-        """
-        last = float(self._state["time"])
-        if type(t) is not float:
-            t = checks.number("t", t)
-        if t < last:
-            if t > max(last - self.step_duration, 0.0):
-                return self.target
-            self._begin()
-        while t >= self._state["switch"]:
-            switch, self._state["switch"] = float(self._state["switch"]), inf
-            self._advance(switch)
-            self._take_row()
-        self._ask_function(t)
-        self._advance(t)
-        return self.target
 
     def calls(self, state: State) -> tuple[Call, ...] | None:
         """See :meth:`~harpy_pin.gaits.gait.Gait.calls`; Python takes a script's rows."""
@@ -236,15 +210,11 @@ class CommandedGait(FollowsVelocity):
         restart(self._record_)
         super()._begin()
 
-    def _advance(self, t: float) -> None:
-        if not advance(t, self._record_, self.target._record_):
-            raise InputError(
-                f"the gait's time must be finite, below {LONGEST:g} s and within "
-                f"{LONGEST_GAP:g} s of the last, "
-                f"{self._state['time']:g} s; got {shown(t)}",
-                name="t",
-                value=t,
-            )
+    def _take_row(self) -> None:
+        """The walk goes on to the time of the row by the command before."""
+        switch, self._switch[0] = float(self._switch[0]), inf
+        self._go_on(switch)
+        super()._take_row()
 
     def _speeds(self) -> tuple[float, float]:
         """Largest velocity, and largest sideways, m/s.

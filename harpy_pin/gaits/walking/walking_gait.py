@@ -12,7 +12,7 @@ from harpy_pin import checks
 from harpy_pin.arguments import checked
 from harpy_pin.errors import InputError
 from harpy_pin.gaits.fitting import GRAVITY, fitting_parameters
-from harpy_pin.gaits.gait import LONGEST, GaitTarget, Unobserved, refuse_time
+from harpy_pin.gaits.gait import GaitTarget, Unobserved
 from harpy_pin.gaits.standing import Standing
 from harpy_pin.gaits.velocity import FollowsVelocity, Velocity, warn_maker
 from harpy_pin.gaits.walking.build import build_of
@@ -85,6 +85,8 @@ class WalkingGait(FollowsVelocity):
             feet, or legs that cannot walk.
     """
 
+    _advance = advance
+
     @checked
     def __init__(
         self,
@@ -139,7 +141,6 @@ class WalkingGait(FollowsVelocity):
         )
         parts: Any = self._record_
         self._seen: NDArray[np.int64] = parts["measured"]["seen"]
-        self._time: Vector = parts["time"]
         self._chosen_speed = max_speed is not None
         self._follow(velocity, parts["planned"], parts["steps"])
         # Largest speeds on firm ground
@@ -226,7 +227,7 @@ class WalkingGait(FollowsVelocity):
 
     def update(self, t: float) -> GaitTarget:
         """See :meth:`~harpy_pin.gaits.gait.Gait.update`; the targets are those at the state that
-        was observed last.
+        was observed last. Time zero, or one more than a step before the last, begins anew.
 
         Raises:
             Unobserved: no state whose numbers are finite.
@@ -238,17 +239,7 @@ class WalkingGait(FollowsVelocity):
                 "hp.WalkingGait needs the measured state: call observe(state) before update(t)",
                 name="gait",
             )
-        if type(t) is not float:
-            t = checks.number("t", t)
-        if not abs(t) < LONGEST:
-            raise refuse_time(t)
-        if t <= 0.0 or t < self._time[0] - self.step_duration:
-            self._begin()
-        while t >= self._switch[0]:
-            self._take_row()
-        self._ask_function(t)
-        advance(float(t), self._record_, self.target._record_)
-        return self.target
+        return super().update(t)
 
     def _take_over(self, velocity: Vector, in_air: NDArray[np.bool_]) -> None:
         """Begin anew at a time zero as a robot that goes: the first step begins at once, and the
