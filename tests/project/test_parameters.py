@@ -190,11 +190,7 @@ BAD = {
         **{"coordinates": ("log",)},
     },
     partial(hp.gaits.CommandedGait, ROBOT): {"velocity": (*SCRIPTS, TWICE, 3.0)},
-    partial(hp.WalkingGait, ROBOT): {
-        "velocity": (*SCRIPTS, TWICE, 3.0),
-        "max_speed": (0.0,),
-        "clearance": (-0.1,),
-    },
+    partial(hp.WalkingGait, ROBOT): {"velocity": (3.0,), "max_speed": (0.0,), "clearance": (-0.1,)},
     partial(hp.Standing, ROBOT): {
         "posture": (np.zeros(3), np.full(6, math.nan), HIGHER),
         "shift": ((0.0, 0.0),),
