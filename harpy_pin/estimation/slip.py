@@ -62,20 +62,15 @@ def roll_and_creep(e: EstimatorRecord) -> None:
 
 @kernel
 def learn_slip(e: EstimatorRecord) -> None:
-    """Skid, creep and lost radius, by the velocities that feet have before they correct
-    anything.
+    """Skid, creep and lost radius, by the velocities that feet have before they correct anything,
+    from a sample for each time :data:`EVERY`.
     """
     c = e.contact
     c.unlearned += e.filter.period
-    if c.unlearned >= EVERY:
-        _learn(e, c.unlearned)
-        c.unlearned = 0.0
-
-
-@kernel
-def _learn(e: EstimatorRecord, t: float) -> None:
-    """From a sample that stands for this time."""
-    c = e.contact
+    if c.unlearned < EVERY:
+        return
+    t = c.unlearned
+    c.unlearned = 0.0
     on = np.where(c.since > LANDS, 1.0, 0.0)
     landing = np.where((c.since > SEEN) & (c.since < LANDS), 1.0, 0.0)
     count, landed = np.sum(on), np.sum(landing)

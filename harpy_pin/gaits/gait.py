@@ -300,13 +300,9 @@ class ClockGait(Gait):
 
     def update(self, t: float) -> GaitTarget:
         """See :meth:`Gait.update`; an InputError where t is not finite, or beyond 1e9 s."""
-        try:
-            known = self._kernel(t, self._record, self.target._record_)
-        except TypeError:
-            if isinstance(t, float):  # not the time is wrong
-                raise
-            known = False
-        if not known:
+        if type(t) is not float:
+            t = checks.number("t", t)
+        if not self._kernel(t, self._record, self.target._record_):
             raise refuse_time(t)
         return self.target
 
