@@ -181,6 +181,7 @@ class CommandedGait(FollowsVelocity):
             q[7 + 3 * k : 10 + 3 * k] = leg_inverse_kinematics(geometry, foot)
         return q, np.zeros(self.robot.nv)
 
+    @checked
     def expect_terrain(self, terrain: Terrain, *, reach: float) -> bool:
         """See :meth:`~harpy_pin.gaits.gait.Gait.expect_terrain`; no foot is set on edges."""
         self._record_["terrain"] = terrain.record

@@ -192,15 +192,20 @@ class WalkingGait(FollowsVelocity):
             for name in ("slow_double_support", "fast_double_support"):
                 pace[name] = swift + grip * (getattr(self._pace, name) - swift)
 
+    @checked
     def expect_terrain(self, terrain: Terrain, *, reach: float) -> bool:
         """See :meth:`~harpy_pin.gaits.gait.Gait.expect_terrain`.
 
         On points, on ground that is no plane, feet go over it by heights in the world, and steps
         last as long as lifting a foot takes.
+
+        Raises:
+            InputError: a reach that is negative or not finite.
         """
         w, t = self.parameters, terrain.record
         pace, steps = self._record_["pace"], self._record_["steps"]
-        self._record_["terrain"], pace["ground_reach"] = t, reach
+        self._record_["terrain"] = t
+        pace["ground_reach"] = checks.number("reach", reach, low=0.0)
         if self._build.soles or not (t["pieces"][0] or t["cells"][0, 2]):
             return False
         both = pace["fast_double_support"]
