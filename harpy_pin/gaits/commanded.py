@@ -29,7 +29,7 @@ from harpy_pin.gaits.straight import (
     penetration_offset_on,
     tuned_parameters,
 )
-from harpy_pin.gaits.velocity import FollowsVelocity, Velocity, VelocityRecord
+from harpy_pin.gaits.velocity import FollowsVelocity, Velocity, VelocityRecord, largest
 from harpy_pin.ground.surface import TerrainRecord, flat_terrain
 from harpy_pin.ground.terrain import Terrain
 from harpy_pin.kernels.calls import Call
@@ -38,6 +38,9 @@ from harpy_pin.model.memory import fixed_arrays
 from harpy_pin.model.record import field, make_record, sized
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import State, Vector
+
+HALVINGS = 10
+"""How often the range of the legs' reach is halved: to less than a millimetre."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -291,10 +294,4 @@ def _reach(robot: Robot, p: CommandedParameters) -> float:
             for angle in np.linspace(0.0, 2.0 * np.pi, 24, endpoint=False)
         )
 
-    low, high = 0.0, p.height
-    if not circle(low):
-        return 0.0
-    while high - low > 1e-3:
-        middle = 0.5 * (low + high)
-        low, high = (middle, high) if circle(middle) else (low, middle)
-    return low
+    return largest(circle, p.height, halvings=HALVINGS)

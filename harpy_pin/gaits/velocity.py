@@ -188,6 +188,17 @@ class FollowsVelocity(Gait):
         self._given[len(array) :] = 0.0
 
 
+def largest(fits: Callable[[float], bool], high: float, *, halvings: int) -> float:
+    """Largest number up to ``high`` that fits, where all smaller ones do; zero where none does."""
+    if fits(high):
+        return high
+    low = 0.0
+    for _ in range(halvings):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if fits(middle) else (low, middle)
+    return low
+
+
 def warn_maker(message: str) -> None:
     """Warn whoever made a gait."""
     level, frame = 1, sys._getframe()

@@ -8,12 +8,12 @@ from numpy.typing import NDArray
 
 from harpy_pin.errors import InputError
 from harpy_pin.gaits.fitting import GRAVITY
-from harpy_pin.gaits.velocity import warn_maker
+from harpy_pin.gaits.velocity import largest, warn_maker
 from harpy_pin.gaits.walking.build import Build
 from harpy_pin.gaits.walking.parameters import WalkingParameters
 from harpy_pin.gaits.walking.pendulum import upright_share
 from harpy_pin.gaits.walking.schedules import draw_together
-from harpy_pin.gaits.walking.swing_load import fastest_speed, holding_load, swing_load
+from harpy_pin.gaits.walking.swing_load import holding_load, swing_load
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
 
@@ -21,6 +21,8 @@ SLOW = 0.1
 """Share of its usual velocity below which a robot is said to be slow."""
 SLOWEST = 1e-6
 """Speed below which steps are not shortened, m/s."""
+HALVINGS = 7
+"""How often the range of speeds is halved."""
 PEAK = 15.6
 """Peak of the acceleration of two feet that are swung, in the velocity of the walk over the
 duration of a step.
@@ -89,7 +91,9 @@ def pace_of(
 
         held = holding_load(robot, q, group)
         allowed = w.swing_torque if runs else max(1.0, w.lift_torque * load(0.0))
-        swung = fastest_speed(load, most, allowed) if held <= 1.0 else 0.0
+        swung = 0.0
+        if held <= 1.0:
+            swung = largest(lambda speed: load(speed) <= allowed, most, halvings=HALVINGS)
         if swung == 0.0:
             holding = f"hold it in mid-step, which takes {held:.2g} times their torques"
             why = holding if held > 1.0 else "swing its legs"

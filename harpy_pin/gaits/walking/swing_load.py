@@ -1,6 +1,5 @@
 """The torques that a walk takes: of the legs that hold the weight, and of those that swing."""
 
-from collections.abc import Callable
 from itertools import pairwise
 
 import numpy as np
@@ -22,8 +21,6 @@ ITERATIONS = 6
 """Iterations of the inverse kinematics at each of them, from the one before."""
 SMALL = 1e-6
 """Regularises it where a leg is stretched, m²."""
-HALVINGS = 7
-"""How often the range of speeds is halved."""
 
 
 def holding_load(robot: Robot, q: Vector, group: NDArray[np.int64]) -> float:
@@ -103,14 +100,3 @@ def _follow(robot: Robot, q: Vector, way: Vector) -> list[Vector]:
             posed = Posed(robot, q)
         path.append(q)
     return path
-
-
-def fastest_speed(load: Callable[[float], float], high: float, most: float) -> float:
-    """Largest speed up to ``high`` at which a load, which grows with it, is not above ``most``."""
-    if load(high) <= most:
-        return high
-    low = 0.0
-    for _ in range(HALVINGS):
-        middle = 0.5 * (low + high)
-        low, high = (middle, high) if load(middle) <= most else (low, middle)
-    return low
