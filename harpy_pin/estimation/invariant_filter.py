@@ -47,12 +47,6 @@ than its rounding, which would make their covariance indefinite.
 
 
 @kernel
-def orthonormalised(r: Vector) -> Vector:
-    """A rotation matrix without rounding: one Newton step, R (3 − Rᵀ R) / 2."""
-    return 1.5 * r - 0.5 * (r @ (r.T @ r))
-
-
-@kernel
 def begin_filter(f: FilterRecord) -> None:
     """Forget all footholds, and take the covariance of the start."""
     f.covariance[:] = 0.0
@@ -78,7 +72,8 @@ def predict(
     f.velocity += t * a
     _move(f, way)
     f.foothold += t * rolling - way
-    f.rotation[:] = orthonormalised(middle @ half)
+    r = middle @ half
+    f.rotation[:] = 1.5 * r - 0.5 * (r @ (r.T @ r))  # one Newton step takes rounding off
 
 
 @kernel

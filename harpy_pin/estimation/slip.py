@@ -45,17 +45,9 @@ def roll(e: EstimatorRecord) -> None:
     """Velocities of the centres of round feet that roll on the level: ω × (0, 0, radius), world
     axes.
     """
-    e.rolling[:] = 0.0
     for k in range(e.foot_radius.shape[0]):
-        if e.foot_radius[k] > 0.0:
-            _roll(e, k)
-
-
-@kernel
-def _roll(e: EstimatorRecord, k: int) -> None:
-    """Of one."""
-    w = e.filter.rotation @ e.dynamics.tree.twist[e.dynamics.body[k], 3:]
-    e.rolling[k, 0], e.rolling[k, 1] = e.foot_radius[k] * w[1], -e.foot_radius[k] * w[0]
+        w = e.filter.rotation @ e.dynamics.tree.twist[e.dynamics.body[k], 3:]
+        e.rolling[k] = e.foot_radius[k] * np.array([w[1], -w[0], 0.0])
 
 
 @kernel
@@ -70,20 +62,15 @@ def roll_and_creep(e: EstimatorRecord) -> None:
 
 @kernel
 def learn_slip(e: EstimatorRecord) -> None:
-    """Skid, creep and lost radius, by the velocities that feet have before they correct
-    anything.
+    """Skid, creep and lost radius, by the velocities that feet have before they correct anything,
+    from a sample for each time :data:`EVERY`.
     """
     c = e.contact
     c.unlearned += e.filter.period
-    if c.unlearned >= EVERY:
-        _learn(e, c.unlearned)
-        c.unlearned = 0.0
-
-
-@kernel
-def _learn(e: EstimatorRecord, t: float) -> None:
-    """From a sample that stands for this time."""
-    c = e.contact
+    if c.unlearned < EVERY:
+        return
+    t = c.unlearned
+    c.unlearned = 0.0
     on = np.where(c.since > LANDS, 1.0, 0.0)
     landing = np.where((c.since > SEEN) & (c.since < LANDS), 1.0, 0.0)
     count, landed = np.sum(on), np.sum(landing)

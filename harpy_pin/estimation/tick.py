@@ -134,7 +134,7 @@ def estimate(
     if e.begun == 0:
         _begin(e)
     else:
-        _predict_all(e, periods)
+        _predict(e, periods)
         doubted = 0.0 if unit and not e.saturated else periods
         doubted *= AS_INTENDED if intended and not unit else 1.0
         e.missing = e.missing + doubted if doubted > 0.0 else 0.0
@@ -215,29 +215,21 @@ def _doubt(e: EstimatorRecord, gap: float) -> None:
 
 
 @kernel
-def _predict_all(e: EstimatorRecord, periods: float) -> None:
+def _predict(e: EstimatorRecord, periods: float) -> None:
     """Go on to the time of the readings, by pieces of about a period: the samples that are missing
-    lie on a line.
+    lie on a line from the last one to the new one.
     """
-    f = e.filter
+    f, angular_velocity, acceleration = e.filter, e.raw_angular_velocity, e.raw_acceleration
     elapsed = f.period
     f.period = elapsed / periods
     for n in range(int(periods)):
-        _predict(e, (n + 1.0) / periods)
+        back = 1.0 - (n + 1.0) / periods
+        w = angular_velocity + back * (e.before[:3] - angular_velocity)
+        a = acceleration + back * (e.before[3:] - acceleration)
+        e.angular_velocity[:] = w - f.gyroscope_bias
+        roll_and_creep(e)
+        predict(f, e.angular_velocity, a - f.accelerometer_bias, e.rolling)
     f.period = elapsed
-
-
-@kernel
-def _predict(e: EstimatorRecord, share: float) -> None:
-    """Go on by a period, with the sample at that share of the way from the last one to the new
-    one.
-    """
-    f, back = e.filter, 1.0 - share
-    w = e.raw_angular_velocity + back * (e.before[:3] - e.raw_angular_velocity)
-    a = e.raw_acceleration + back * (e.before[3:] - e.raw_acceleration)
-    e.angular_velocity[:] = w - f.gyroscope_bias
-    roll_and_creep(e)
-    predict(f, e.angular_velocity, a - f.accelerometer_bias, e.rolling)
 
 
 @kernel

@@ -200,6 +200,18 @@ class Gait(KeepsViews, ABC):
             mu: friction coefficient.
         """
 
+    def expect_terrain(self, terrain: Terrain, *, reach: float) -> bool:
+        """Plan for the ground over which it is laid (:class:`~harpy_pin.gaits.OnTerrain`).
+
+        Args:
+            terrain: of the ground.
+            reach: half the side of the square around the body whose plane the body follows, m.
+
+        Returns:
+            Whether the targets of its swing feet have heights in the world from then on.
+        """
+        return False
+
     def describe(self) -> Mapping[str, Any]:
         """Parameters, for the log's metadata."""
         return {"gait": type(self).__name__, "step_duration": self.step_duration}
@@ -288,13 +300,9 @@ class ClockGait(Gait):
 
     def update(self, t: float) -> GaitTarget:
         """See :meth:`Gait.update`; an InputError where t is not finite, or beyond 1e9 s."""
-        try:
-            known = self._kernel(t, self._record, self.target._record_)
-        except TypeError:
-            if isinstance(t, float):  # not the time is wrong
-                raise
-            known = False
-        if not known:
+        if type(t) is not float:
+            t = checks.number("t", t)
+        if not self._kernel(t, self._record, self.target._record_):
             raise refuse_time(t)
         return self.target
 

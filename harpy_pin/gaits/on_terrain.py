@@ -22,12 +22,9 @@ from numpy.typing import ArrayLike
 
 from harpy_pin import checks
 from harpy_pin.arguments import checked
-from harpy_pin.gaits.commanded import CommandedGait
 from harpy_pin.gaits.gait import Gait, GaitTarget, own_target
 from harpy_pin.gaits.straight import StraightGait
 from harpy_pin.gaits.terrain_targets import OnTerrainRecord, fit_plane, lay_over
-from harpy_pin.gaits.walking.over_terrain import walk_over
-from harpy_pin.gaits.walking.walking_gait import WalkingGait
 from harpy_pin.ground.terrain import Plane, Terrain
 from harpy_pin.kernels.calls import Call
 from harpy_pin.model.posed import Posed
@@ -87,7 +84,7 @@ class OnTerrain(Gait):
         super().__init__(gait.robot)
         self.gait, self.terrain, self.walks = own_target(gait), terrain, gait.walks
         self.controller_parameters = gait.controller_parameters
-        self.step_duration, self.double_support = self.gait.step_duration, self.gait.double_support
+        self.double_support = self.gait.double_support
         q = self.gait.initial_state(penetration=0.0)[0]
         feet = self._feet(q)[0]
         apart = (
@@ -126,14 +123,9 @@ class OnTerrain(Gait):
             terrain: from then on.
         """
         self.terrain, self._record["terrain"] = terrain, terrain.record
-        if isinstance(self.gait, WalkingGait):
-            reach = float(self._record["reach"][0])
-            self._record["own_swings"] = walk_over(self.gait._record_, terrain.record, reach)
-            self.step_duration = self.gait.step_duration = float(
-                self.gait._record_["pace"]["usual_step"][0]
-            )
-        if isinstance(self.gait, CommandedGait):
-            self.gait._record_["terrain"] = terrain.record
+        reach = float(self._record["reach"][0])
+        self._record["own_swings"] = self.gait.expect_terrain(terrain, reach=reach)
+        self.step_duration = self.gait.step_duration
 
     def observe(self, state: State) -> None:
         """See :meth:`~harpy_pin.gaits.gait.Gait.observe`; the state goes to the gait."""

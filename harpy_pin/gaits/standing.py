@@ -5,7 +5,6 @@ may be shifted.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from math import perm
 from typing import Any
 
 import numpy as np
@@ -16,6 +15,7 @@ from harpy_pin.arguments import checked
 from harpy_pin.errors import InputError
 from harpy_pin.gaits.fitting import standing_parameters
 from harpy_pin.gaits.gait import LONGEST, ClockGait, GaitTargetRecord
+from harpy_pin.gaits.swing import toward
 from harpy_pin.kernels import kernel
 from harpy_pin.model.posed import Posed
 from harpy_pin.model.posture import LEVEL, find_posture
@@ -25,8 +25,6 @@ from harpy_pin.model.state import Vector
 
 SHORTEST = 1e-6
 """Duration of a move, s."""
-DEGREE = 5
-"""Degree of the polynomials of :meth:`Staying.move`."""
 ROUNDING = 1e-6
 """By how much an angle may be beyond its limit, rad: files and postures have rounded numbers."""
 
@@ -42,9 +40,8 @@ class StayingRecord(RecordOf):
     penetration_offset: float  # how much deeper than the ground an unloaded foot aims, m
     begin: float = 0.0  # of the last move, s
     duration: float = 0.0  # of it, s
-    way: Vector = sized(
-        DEGREE + 1, 3
-    )  # coefficients of the offset's polynomial in the time since its begin
+    start: Vector = sized(3, 3)  # position, velocity and acceleration of the offset then, m and s
+    end: Vector = sized(3)  # offset at which it comes to rest, m
 
 
 @kernel(out=(3, 3))
@@ -52,14 +49,9 @@ def _offset(t: float, p: StayingRecord, out: Vector) -> None:
     """Offset that was asked for: (3, 3) position, velocity and acceleration; at rest before and
     after the way.
     """
-    s = min(max(t - p.begin, 0.0), p.duration)
-    moving = 0.0 <= t - p.begin < p.duration
-    out[:] = 0.0
-    for n in range(p.way.shape[0] - 1, -1, -1):
-        out[2] = out[2] * s + 2.0 * out[1]
-        out[1] = out[1] * s + out[0]
-        out[0] = out[0] * s + p.way[n]
-    if not moving:
+    for i in range(3):
+        out[:, i] = toward(*p.start[:, i], p.end[i], p.duration, max(t - p.begin, 0.0))
+    if t < p.begin:
         out[1:] = 0.0
 
 
@@ -147,22 +139,8 @@ class Staying(ClockGait):
         length = checks.number("duration", duration, low=SHORTEST, high=LONGEST)
         start = np.zeros((3, 3))
         _offset(begin, self._record, start)
-        way = np.zeros((DEGREE + 1, 3))
-        way[:3] = start / np.array([[1.0], [1.0], [2.0]])
-        # Rest at the end: position, velocity and acceleration by the three highest coefficients.
-        powers = np.array(
-            [[perm(n, d) * length ** (n - d) for n in range(3, DEGREE + 1)] for d in range(3)]
-        )
-        low = np.array(
-            [
-                way[0] + (way[1] + way[2] * length) * length,
-                way[1] + 2.0 * way[2] * length,
-                2.0 * way[2],
-            ]
-        )
-        way[3:] = np.linalg.solve(powers, np.array([end, np.zeros(3), np.zeros(3)]) - low)
-        self._record["way"][0] = way
-        self._record["begin"][0], self._record["duration"][0] = begin, length
+        for name, value in (("begin", begin), ("duration", length), ("start", start), ("end", end)):
+            self._record[name][0] = value
 
     @checked
     def initial_state(self, *, penetration: float = 0.0) -> tuple[Vector, Vector]:

@@ -20,7 +20,7 @@ import numpy as np
 from harpy_pin.gaits.gait import LONGEST, GaitTargetRecord
 from harpy_pin.gaits.straight import support, world_frame_blend
 from harpy_pin.gaits.terrain_targets import nearest_steppable
-from harpy_pin.gaits.velocity import is_still, move_path, take_command
+from harpy_pin.gaits.velocity import LONGEST_GAP, is_still, move_path, take_command
 from harpy_pin.kernels import kernel
 from harpy_pin.model.state import Vector
 from harpy_pin.model.vectors import rotation_in_plane
@@ -28,8 +28,6 @@ from harpy_pin.model.vectors import rotation_in_plane
 if TYPE_CHECKING:
     from harpy_pin.gaits.commanded import CommandedRecord
 
-LONGEST_GAP = 1e3
-"""Longest time from one update to the next, s."""
 FINEST = 5e-3
 """Longest time that is stepped at once, s: longer ones are divided."""
 AHEAD = 8
@@ -49,20 +47,21 @@ def restart(p: CommandedRecord) -> None:
 
 @kernel
 def advance(t: float, p: CommandedRecord, target: GaitTargetRecord) -> bool:
-    """Go on to time t, at or after the last one, before the next row of the script begins, and
-    write the targets.
+    """Go on to time t, before the next row of the script begins, and write the targets. A time that
+    is less than a step before the last counts as the last.
 
     Returns:
         Whether t is such a time; nothing is done otherwise.
     """
-    span = t - p.time
-    if not (abs(t) < LONGEST and 0.0 <= span <= LONGEST_GAP and t < p.switch):
+    span = max(t - p.time, 0.0)
+    anew = t < p.time and (t <= 0.0 or t < p.time - p.step_duration)
+    if anew or not (abs(t) < LONGEST and span <= LONGEST_GAP and t < p.switch):
         return False
     take_command(p)
     parts = int(np.ceil(span / FINEST - 1e-6))
     for _ in range(parts):
         _step(p, span / parts)
-    p.time = t
+    p.time = max(t, p.time)
     _write(p, target)
     return True
 

@@ -8,20 +8,22 @@ import sys
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 from math import inf
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from harpy_pin import checks
 from harpy_pin.errors import InputError, shown
-from harpy_pin.gaits.gait import Gait
-from harpy_pin.kernels import kernel
+from harpy_pin.gaits.gait import LONGEST, Gait, GaitTarget, refuse_time
+from harpy_pin.kernels import Kernel, kernel
 from harpy_pin.kernels.record_view import read_only
 from harpy_pin.model.record import RecordOf, Records, field, sized
 from harpy_pin.model.state import Vector
 from harpy_pin.model.vectors import rotation_in_plane
 
+LONGEST_GAP = 1e3
+"""Longest time from one update to the next of a walk that goes by the clock, s."""
 MAX_COMMAND = 1e6
 """Largest entry of a command: far beyond what is clipped, and far from numbers that overflow."""
 
@@ -68,10 +70,41 @@ class FollowsVelocity(Gait):
     _record_: Records[Any]
     _followed: Records[VelocityRecord]
     _steps: Records[Any]
+    _advance: ClassVar[Kernel[bool]]
     command: Vector
     applied: Vector
     script: Script
     limited_by = ""
+
+    def update(self, t: float) -> GaitTarget:
+        """See :meth:`~harpy_pin.gaits.gait.Gait.update`; time zero, or one more than a step before
+        the last, begins the walk anew.
+
+        Raises:
+            InputError: t is not finite or beyond 1e9 s, the function of the velocity returned no
+                command, or, where the walk goes by the clock, t is more than 1000 s after the last.
+        """
+        if type(t) is not float:
+            t = checks.number("t", t)
+        if not abs(t) < LONGEST:
+            raise refuse_time(t)
+        if t <= 0.0 or t < self._time[0] - self.step_duration:
+            self._begin()
+        while t >= self._switch[0]:
+            self._take_row()
+        self._ask_function(t)
+        self._go_on(t)
+        return self.target
+
+    def _go_on(self, t: float) -> None:
+        """The targets at a time at or before the next row of the script."""
+        if not self._advance(t, self._record_, self.target._record_):
+            raise InputError(
+                f"the gait's time must be within {LONGEST_GAP:g} s of the last, "
+                f"{self._time[0]:g} s; got {t:g} s",
+                name="t",
+                value=t,
+            )
 
     def _follow(
         self, velocity: Velocity, record: Records[VelocityRecord], steps: Records[Any]
@@ -80,6 +113,7 @@ class FollowsVelocity(Gait):
         its record. The record of the steps has ``walking``.
         """
         self._followed, self._steps = record, steps
+        self._time: Vector = self._record_["time"]
         self._switch: Vector = record["switch"]
         self._given: Vector = field(record, "command")
         self._given[:], self.script, self._function = read_velocity(velocity, len(self._given))
@@ -152,6 +186,17 @@ class FollowsVelocity(Gait):
             )
         self._given[: len(array)] = array
         self._given[len(array) :] = 0.0
+
+
+def largest(fits: Callable[[float], bool], high: float, *, halvings: int) -> float:
+    """Largest number up to ``high`` that fits, where all smaller ones do; zero where none does."""
+    if fits(high):
+        return high
+    low = 0.0
+    for _ in range(halvings):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if fits(middle) else (low, middle)
+    return low
 
 
 def warn_maker(message: str) -> None:

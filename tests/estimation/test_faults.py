@@ -42,16 +42,16 @@ class Motion:
     robot: hp.Robot
     inertial: np.ndarray  # (ticks, 6) gyroscope and accelerometer
     joints: np.ndarray  # (ticks, 3, joints) angles, velocities, torques
-    standing: np.ndarray  # (ticks,) whether it stands on its feet
     q: np.ndarray
     v: np.ndarray
-
-    def __len__(self):
-        return len(self.q)
 
     def readings(self, n):
         spin, push = np.split(self.inertial[n].copy(), 2)
         return hp.Readings(PERIOD * n, spin, push, *self.joints[n].copy())
+
+    def ticks(self, plan, until):
+        for n in range(until or len(self.q)):
+            yield self.readings(n), plan, self.q[n], self.v[n]
 
 
 def smooth(x):
@@ -109,25 +109,41 @@ def carried(name, duration, aloft=(np.inf, np.inf), *, biased=True):
     noise = np.array([imu.encoder_noise, imu.velocity_noise, imu.torque_noise])[:, None]
     joints = np.stack([q[:, 7:], v[:, 6:], torque], axis=1)
     joints += noise * rng.standard_normal(joints.shape)
-    return Motion(robot, inertial, joints, standing, q, v)
+    return Motion(robot, inertial, joints, q, v)
 
 
-def estimated(motion, spoil=lambda readings, n: None, *, target=None, settings=None, known=False):
-    """Errors of the velocity, m/s, the statuses, and the estimator."""
-    estimator, errors, said = (
-        hp.Estimator(motion.robot, settings=settings),
-        np.zeros(len(motion)),
-        [],
-    )
+def no_fault(readings, n):
+    """All readings come as they are."""
+
+
+def followed(estimator, ticks, spoil=no_fault):
+    """What is said, and the error of the velocity, m/s, of readings that a function spoils; where
+    it returns False they do not come.
+    """
+    said, errors = [], []
+    for n, (readings, plan, _, v) in enumerate(ticks):
+        if spoil(readings, n) is not False:
+            state = estimator.step(readings, plan)
+            assert np.isfinite(state.q).all()
+            said.append(estimator.status)
+            errors.append(np.linalg.norm(state.v[:3] - v[:3]))
+    assert np.isfinite(errors).all()
+    return np.array(said), np.array(errors)
+
+
+def estimated(motion, spoil=no_fault, *, plan=None, settings=None, known=False, until=None):
+    """The same of a motion up to a tick, and the estimator."""
+    estimator = hp.Estimator(motion.robot, settings=settings)
     if known:
         estimator.reset(motion.q[0])
-    for n in range(len(motion)):
-        readings = motion.readings(n)
-        spoil(readings, n)
-        state = estimator.step(readings, target)
-        errors[n] = np.linalg.norm(state.v[:3] - motion.v[n, :3])
-        said.append(estimator.status)
-    return errors, np.array(said), estimator
+    return *followed(estimator, motion.ticks(plan, until), spoil), estimator
+
+
+def walked(ticks, name, spoil):
+    """The same of a walk, from its first state on."""
+    estimator = hp.Estimator(hp.load_harpy() if name == "harpy" else hp.load_robot(name))
+    estimator.reset(*ticks[0][2:])
+    return followed(estimator, ((copy.deepcopy(given), *rest) for given, *rest in ticks), spoil)
 
 
 def stance(robot):
@@ -148,7 +164,7 @@ def still():
 @pytest.mark.parametrize("settings", [None, SLOPE], ids=["level", "slope"])
 @pytest.mark.parametrize("expected", [stance, lambda robot: None], ids=["stance", "nothing"])
 def test_a_robot_that_was_lifted_for_a_minute(lifted, settings, expected):
-    errors, said, _ = estimated(lifted, target=expected(lifted.robot), settings=settings)
+    said, errors, _ = estimated(lifted, plan=expected(lifted.robot), settings=settings)
     assert errors.max() > 1.0
     assert not (said[errors > WRONG] == "good").any()
     assert (said[2000:62000] == "feet do not bear the weight").all()
@@ -172,14 +188,14 @@ def without_encoders(readings, n):
     [(switched_off, "feet do not bear the weight"), (without_encoders, "no sample")],
 )
 def test_feet_that_were_not_felt_for_a_minute(still, spoil, status):
-    errors, said, estimator = estimated(still, spoil, target=stance(still.robot))
+    said, errors, estimator = estimated(still, spoil, plan=stance(still.robot))
     assert errors.max() > 1.0
     assert not (said[errors > WRONG] == "good").any()
     assert (said[10_000:62_000] == status).all()
     back = round((62.0 + BACK) / PERIOD)
     assert errors[back:].max() < WRONG
     assert (said[back:] == "good").all()
-    state = estimator.step(still.readings(len(still) - 1), None)
+    state = estimator.step(still.readings(len(still.q) - 1), None)
     assert (np.abs(state.q[:3] - still.q[-1, :3]) < 4.0 * estimator.position_deviation).all()
 
 
@@ -191,7 +207,7 @@ def test_the_velocity_is_as_uncertain_as_it_says():
     inertial = motion.inertial
     for seed in range(12):
         motion.inertial = inertial + biases(np.random.default_rng(seed))
-        errors, said, estimator = estimated(motion)
+        said, errors, estimator = estimated(motion)
         deviation = estimator.velocity_deviation
         assert deviation.max() > KNOWN
         assert said[-1] == "feet do not bear the weight"
@@ -204,17 +220,16 @@ def test_no_foothold_is_said(robot):
     """Thrusters bear the weight, so that nothing is wrong with the readings; but the velocity is
     not known.
     """
-    estimator, said = hp.Estimator(robot), []
-    mass, zero, rng = robot.mass, np.zeros(6), np.random.default_rng(0)
-    for n in range(15_000):
-        lift = np.tile([0.0, 0.0, 0.5 * mass * 9.81], (2, 1))
-        noise = 1e-3 * rng.standard_normal(3)
-        readings = hp.Readings(
-            PERIOD * n, noise, np.array([0.0, 0.0, 9.81]), POSTURE.copy(), zero, zero
-        )
-        readings.thrust = lift
-        estimator.step(readings)
-        said.append(estimator.status)
+    estimator, zero, rng = hp.Estimator(robot), np.zeros(6), np.random.default_rng(0)
+    lift = np.tile([0.0, 0.0, 0.5 * robot.mass * 9.81], (2, 1))
+
+    def hangs():
+        for n in range(15_000):
+            spin = 1e-3 * rng.standard_normal(3)
+            readings = hp.Readings(PERIOD * n, spin, STANDING, POSTURE.copy(), zero, zero, lift)
+            yield readings, None, None, np.zeros(12)
+
+    said, _ = followed(estimator, hangs())
     assert said[0] == "good"
     assert said[-1] == "no foothold"
     assert f"{estimator.velocity_deviation.max():.2g} m/s" in estimator.explanation
@@ -248,6 +263,11 @@ def opposite_torque(readings, n):
     readings.joint_torque *= -1.0
 
 
+def between(begin, end, spoil):
+    """A fault from one tick to another."""
+    return lambda readings, n: spoil(readings, n) if begin <= n < end else None
+
+
 def clock(factor):
     def spoil(readings, n):
         readings.t *= factor
@@ -278,15 +298,7 @@ IMPLAUSIBLE = {
 @pytest.mark.parametrize("name", IMPLAUSIBLE)
 def test_what_cannot_be_is_said(still, name, known):
     spoil, status, cause = IMPLAUSIBLE[name]
-    start = Motion(
-        still.robot,
-        still.inertial[:4000],
-        still.joints[:4000],
-        None,
-        still.q[:4000],
-        still.v[:4000],
-    )
-    errors, said, estimator = estimated(start, spoil, known=known)
+    said, errors, estimator = estimated(still, spoil, known=known, until=4000)
     assert (said[errors > WRONG] == "good").sum() < LATE
     assert (said[2500:] == status).all()
     assert cause in estimator.explanation
@@ -297,17 +309,7 @@ def test_what_cannot_be_is_said(still, name, known):
 def test_what_was_implausible_comes_back(still, name):
     """Five seconds of it; then all is well."""
     spoil = IMPLAUSIBLE[name][0]
-    start = Motion(
-        still.robot,
-        still.inertial[:11000],
-        still.joints[:11000],
-        None,
-        still.q[:11000],
-        still.v[:11000],
-    )
-    errors, said, _ = estimated(
-        start, lambda readings, n: spoil(readings, n) if 1000 <= n < 6000 else None
-    )
+    said, errors, _ = estimated(still, between(1000, 6000, spoil), until=11000)
     lies = (errors > WRONG) & (said == "good")
     assert lies.sum() < LATE
     assert not lies[2000:].any()
@@ -357,21 +359,16 @@ HARD = {"100 m/s² ahead": (100.0, 0.0, 0.0), "down": (0.0, -40.0, 60.0), "none"
 @pytest.mark.parametrize("name", ["harpy", "go2"])
 def test_a_loop_that_stalls(walks, name, hard, gap):
     """While it walks, before a sample of a hard impact; or with readings that are not numbers."""
-    robot = hp.load_harpy() if name == "harpy" else hp.load_robot(name)
-    estimator, said, errors = hp.Estimator(robot), [], []
-    estimator.reset(*walks[name][0][2:])
-    for n, (readings, plan, _, v) in enumerate(walks[name]):
-        given = copy.deepcopy(readings)
-        if 2000 <= n < 2000 + gap:
-            if hard != "NaN":
-                continue
-            lost(given)
-        if n == 2000 + gap and hard != "NaN":
-            given.accelerometer += HARD[hard]
-        state = estimator.step(given, plan)
-        said.append(estimator.status)
-        errors.append(np.linalg.norm(state.v[:3] - v[:3]))
-    errors, said = np.array(errors), np.array(said)
+    end = 2000 + gap
+
+    def stalls(readings, n):
+        if 2000 <= n < end and hard == "NaN":
+            lost(readings)
+        if n == end and hard != "NaN":
+            readings.accelerometer += HARD[hard]
+        return hard == "NaN" or not 2000 <= n < end
+
+    said, errors = walked(walks[name], name, stalls)
     assert not (said[errors > WRONG] == "good").any()
     assert errors[-400:].max() < 0.02
     assert (said[-400:] == "good").all()
@@ -402,29 +399,13 @@ IN_A_WALK = {name: IMPLAUSIBLE[name][:2] for name in IMPLAUSIBLE} | {
 del IN_A_WALK["ks"]
 
 
-def spoilt_walk(ticks, name, spoil, begin, end):
-    """What is said of a walk with a fault between two ticks, and whether the velocity is wrong."""
-    robot = hp.load_harpy() if name == "harpy" else hp.load_robot(name)
-    estimator, said, errors = hp.Estimator(robot), [], []
-    estimator.reset(*ticks[0][2:])
-    for n, (readings, plan, _, v) in enumerate(ticks):
-        given = copy.deepcopy(readings)
-        if begin <= n < end:
-            spoil(given, n)
-        state = estimator.step(given, plan)
-        assert np.isfinite([*state.q, *state.v]).all()
-        said.append(estimator.status)
-        errors.append(np.linalg.norm(state.v[:3] - v[:3]))
-    return np.array(said), np.array(errors) > WRONG
-
-
 @pytest.mark.parametrize("fault", IN_A_WALK)
 @pytest.mark.parametrize("name", ["harpy", "go2", "g1"])
 def test_a_fault_in_a_walk_is_said_soon(walks, name, fault):
     """For 1.5 s of a walk."""
     spoil, status = IN_A_WALK[fault]
-    said, wrong = spoilt_walk(walks[name], name, spoil, 1500, 3000)
-    assert (wrong & (said == "good")).sum() < LATE
+    said, errors = walked(walks[name], name, between(1500, 3000, spoil))
+    assert (said[errors > WRONG] == "good").sum() < LATE
     assert not status or status in said[1500:3000]
     assert np.mean(said[2500:3000] == "good") < 0.5
 
@@ -433,10 +414,11 @@ def test_a_fault_in_a_walk_is_said_soon(walks, name, fault):
 @pytest.mark.parametrize("name", ["harpy", "go2", "g1"])
 def test_degrees_per_second_are_said_as_soon_as_they_hurt(walks, name, begin):
     """In any phase of a walk, on one foot, too, within 20 ticks; and never before."""
-    said, wrong = spoilt_walk(walks[name][: begin + 1000], name, in_degrees, begin, begin + 1000)
+    fault = between(begin, begin + 1000, in_degrees)
+    said, errors = walked(walks[name][: begin + 1000], name, fault)
     assert (said[:begin] == "good").all()
-    assert (wrong & (said == "good")).sum() < 20
-    assert "gyroscope contradicts the legs" in said[wrong]
+    assert (said[errors > WRONG] == "good").sum() < 20
+    assert "gyroscope contradicts the legs" in said[errors > WRONG]
 
 
 @pytest.mark.parametrize(
@@ -483,7 +465,7 @@ def test_a_walk_without_any_reading_for_200_ms(monkeypatch, name, plant, held):
 
 def test_targets_and_starts_that_are_no_numbers(robot):
     estimator, zero = hp.Estimator(robot), np.zeros(6)
-    readings = hp.Readings(0.0, np.zeros(3), np.array([0.0, 0.0, 9.81]), POSTURE.copy(), zero, zero)
+    readings = hp.Readings(0.0, np.zeros(3), STANDING, POSTURE.copy(), zero, zero)
     for name in ("stance", "phase", "ground_height"):
         target = stance(robot)
         getattr(target, name)[1] = np.nan
@@ -502,8 +484,7 @@ def test_states_that_are_given_another_shape_are_refused_until_the_reset(robot):
     """
     estimator, zero = hp.Estimator(robot), np.zeros(6)
     readings = [
-        hp.Readings(1e-3 * n, zero[:3], np.array([0.0, 0.0, 9.81]), POSTURE.copy(), zero, zero)
-        for n in range(3)
+        hp.Readings(1e-3 * n, zero[:3], STANDING, POSTURE.copy(), zero, zero) for n in range(2)
     ]
     controller = hp.make_controller("condensed", hp.make_gait(robot), mu=0.5)
     state = estimator.step(readings[0])

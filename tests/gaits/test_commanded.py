@@ -12,7 +12,6 @@ from needs import needs_mujoco
 from walks import own_search, walked
 
 import harpy_pin as hp
-from harpy_pin import InputError
 from harpy_pin.controllers import WholeBodyParameters
 from harpy_pin.controllers.task_controller import tasks_record
 from harpy_pin.controllers.tasks import measured_terms, set_tasks
@@ -265,14 +264,8 @@ def test_a_clock_that_jitters_changes_nothing():
         assert gait.update(0.01 * i - 0.009).record == expected
 
 
-@pytest.mark.parametrize("t", [np.nan, np.inf, 1e10, 5000.0])
-def test_times_that_are_none_are_refused(t):
-    with pytest.raises(InputError, match="time"):
-        CommandedGait(ROBOT).update(t)
-
-
 def test_a_gait_out_of_reach_is_refused():
-    with pytest.raises(InputError, match="reach"):
+    with pytest.raises(hp.InputError, match="reach"):
         CommandedGait(ROBOT, parameters=CommandedParameters(height=0.79))
 
 
@@ -375,6 +368,3 @@ def test_limits_of_turning_and_of_the_distance_of_feet_are_parameters():
     for t in np.arange(0.0, 3.0, 0.05):
         gait.update(float(t))
     assert gait.applied[2] == pytest.approx(0.5)
-    for name in ("max_turn", "feet_apart", "frozen", "settled", "spare"):
-        with pytest.raises(hp.InputError, match=name):
-            CommandedParameters(**{name: -1.0})

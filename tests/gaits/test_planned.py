@@ -75,7 +75,9 @@ class Asked(Executor):
 def walk(planner, *, plant="compliant", duration, controller="condensed", **options):
     gait = hp.PlannedGait(go2(), planner, **options)
     scenario = hp.Scenario(controller=controller, plant=plant, duration=duration)
-    return hp.walk(scenario, gait=gait), gait
+    run = hp.walk(scenario, gait=gait)
+    assert run.ending == "completed"
+    return run, gait
 
 
 def speed(run, begin):
@@ -222,7 +224,6 @@ def test_whole_body_controllers_ask_for_the_planned_motion():
 @pytest.mark.parametrize("plant", QUICK_PLANTS)
 def test_go2_trots_as_planned(plant):
     run, gait = walk(Trot(go2(), (0.5, 0.0)), plant=plant, duration=5.0)
-    assert run.ending == "completed"
     assert 0.35 < speed(run, 2.0) < 0.55
     assert gait.refused == 0
     assert gait.taken == 250
@@ -235,7 +236,6 @@ def test_go2_trots_as_planned(plant):
 @pytest.mark.parametrize("plant", QUICK_PLANTS)
 def test_plan_late_by_20_ms_stands(plant):
     run, gait = walk(Late(Trot(go2(), (0.5, 0.0)), 0.02), plant=plant, duration=3.0)
-    assert run.ending == "completed"
     assert gait.refused == 0
     assert run["plan_age"].max() == pytest.approx(0.039, abs=1e-6)
     assert speed(run, 1.0) > 0.3
@@ -246,7 +246,6 @@ def test_planner_that_stops_ends_in_a_stand(plant):
     run, gait = walk(
         Changed(Trot(go2(), (0.5, 0.0)), lambda plan, state: None), plant=plant, duration=3.3
     )
-    assert run.ending == "completed"
     followed = run["t"][run["plan_followed"] == 1.0]
     assert followed[-1] == pytest.approx(0.98 + 0.32, abs=2e-3)  # to the end of its last plan
     assert gait.status == "stands without a plan"
@@ -260,7 +259,6 @@ def test_planner_that_stops_at_1_m_s_walks_to_a_stand(plant):
     for after in (1.0, 1.06, 1.12, 1.18):
         planner = Changed(Trot(go2(), (1.0, 0.0)), lambda plan, state: None, after)
         run, _ = walk(planner, plant=plant, duration=4.0)
-        assert run.ending == "completed"
         assert np.abs(run["v"][-1]).max() < 0.05
 
 
@@ -330,7 +328,6 @@ WRONG = {
 def test_what_cannot_be_followed_ends_in_a_stand(name):
     change, words = WRONG[name]
     run, gait = walk(Changed(Trot(go2(), (0.5, 0.0)), change, 0.5), duration=1.5)
-    assert run.ending == "completed"
     assert run["plan_followed"][-1] == 0.0
     assert gait.refused == run["plans_refused"][-1] == 50
     assert gait.taken == 25
@@ -344,7 +341,6 @@ def test_it_goes_on_once_plans_are_good_again():
         return plan if state.t > 1.5 else None
 
     run, gait = walk(Changed(Trot(go2(), (0.5, 0.0)), silent, 0.5), duration=3.5)
-    assert run.ending == "completed"
     assert run["plan_followed"].min() == 0.0
     assert gait.status == "follows a plan from 19 ms ago"
     assert speed(run, 2.5) > 0.3
@@ -365,8 +361,7 @@ def test_slow_planner_in_a_thread_is_never_waited_for():
             return inner.plan(state)
 
     with ThreadPoolExecutor(1) as executor:
-        run, gait = walk(Slow(), duration=0.3, executor=executor)
-        assert run.ending == "completed"
+        _, gait = walk(Slow(), duration=0.3, executor=executor)
         assert gait.status == "stands without a plan"
         gate.set()
     state = gait._state
@@ -374,8 +369,7 @@ def test_slow_planner_in_a_thread_is_never_waited_for():
     gait.update(0.3)  # which takes what has come, and finds its executor gone
     assert gait.taken == 1
     assert isinstance(gait.error, RuntimeError)
-    run, gait = walk(inner, duration=1.0, executor=Asked(20))
-    assert run.ending == "completed"
+    _, gait = walk(inner, duration=1.0, executor=Asked(20))
     assert gait.taken > 1
 
 
@@ -434,7 +428,6 @@ def test_planned_forces_are_followed_where_they_hold_the_robot(controller):
             )
 
     run, _ = walk(Shifts(), duration=1.5, controller=controller)
-    assert run.ending == "completed"
     late = run["t"] > 0.3
     planned = run["planned_force"].reshape(-1, 4, 3)[late]
     assert np.ptp(planned[:, 0, 2]) > 25.0
@@ -454,9 +447,6 @@ def test_it_is_a_gait_like_others():
     np.testing.assert_array_equal(gait.initial_state()[0], standing.initial_state()[0])
     with pytest.raises(hp.InputError, match="follows no plan"):
         hp.make_controller("governed", gait, mu=0.5)
-    for wrong in ({"rate": 0.0}, {"rate": np.inf}, {"clearance": -1.0}, {"executor": 3}):
-        with pytest.raises(hp.InputError):
-            hp.PlannedGait(go2(), gait.planner, **wrong)
     with pytest.raises(hp.InputError, match="planner must be a Planner with plan"):
         hp.PlannedGait(go2(), lambda state: None)
 

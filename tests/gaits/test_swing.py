@@ -5,10 +5,8 @@ from __future__ import annotations
 from itertools import pairwise
 
 import numpy as np
-import pytest
 from numpy.polynomial import Polynomial
 
-import harpy_pin as hp
 from harpy_pin.gaits import swing
 
 
@@ -40,9 +38,6 @@ def test_swing_is_made_of_the_quintics():
     np.testing.assert_array_equal(
         swing(foot[0], goal, 0.1, left=0.2, apex=2.0)[:, 2], [2.0, 0.0, 0.0]
     )
-    for wrong in ({"left": np.nan}, {"left": 0.1, "rise": 0.2}, {"apex": "high"}):
-        with pytest.raises(hp.InputError):
-            swing(foot, goal, 0.1, **{"left": 0.2, "apex": 1.0} | wrong)
 
 
 def test_swing_that_lands_early_and_going_down():
@@ -65,6 +60,3 @@ def test_swing_that_lands_early_and_going_down():
         np.testing.assert_allclose(ticked[0], found[0], atol=1e-6)
     later = swing(foot, goal, 0.35, left=0.3, rise=0.1, apex=1.5, **kind)
     np.testing.assert_allclose(later, [goal - [0, 0, 0.02], [0, 0, -0.4], [0, 0, 0]], atol=1e-12)
-    for wrong in ({"early": -0.1}, {"early": np.nan}, {"descent": np.inf}):
-        with pytest.raises(hp.InputError):
-            swing(foot, goal, 0.1, left=0.2, apex=1.0, **wrong)

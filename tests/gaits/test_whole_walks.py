@@ -28,7 +28,6 @@ ON_SOLES = long_but(("talos", "icub", "g1"), ("talos",))
 def test_trots_as_commanded_and_hardly_slips(name, speed):
     gait = hp.WalkingGait(hp.load_robot(name), velocity=(speed, 0.0, 0.0), max_speed=2.0)
     run = walk(gait)
-    assert run.ending == "completed"
     assert (run["condensed_status"] == 0).mean() > 0.9
     assert slip_per_step(run) < 0.5 * 2.0  # of two feet
     assert hp.measure(run).tilt_max_rad < 0.01
@@ -76,7 +75,6 @@ def test_course_start_and_stop():
     )
     gait = hp.WalkingGait(hp.load_robot("solo12"), velocity=rows)
     run = walk(gait, duration=9.5)
-    assert run.ending == "completed"
     assert path_error(run) < 0.03
     assert abs(run["path"][-1, 2] - np.pi / 2) < 0.02
     assert (run["stance"][run["t"] < 0.5] == 1.0).all()
@@ -96,7 +94,6 @@ def test_course_start_and_stop():
 )
 def test_trots_on_slippery_ground_and_turning(name, velocity, mu):
     run = walk(hp.WalkingGait(hp.load_robot(name), velocity=velocity), mu=mu)
-    assert run.ending == "completed"
     assert slip_per_step(run) < 1.0
 
 
@@ -107,7 +104,6 @@ def test_a_pushed_trot_goes_on(push):
         hp.WalkingGait(hp.load_robot("go2"), velocity=(0.4, 0.0, 0.0)),
         pushes=((1.5, (*push, 0.0)),),
     )
-    assert run.ending == "completed"
     assert hp.measure(run).tilt_max_rad < 0.1
     along = np.abs(run["v"][:, 0 if push[0] else 1] - (0.4 if push[0] else 0.0))
     assert along[np.abs(run["t"] - 1.6) < 0.1].max() > 0.2  # it was pushed
@@ -118,7 +114,6 @@ def test_a_pushed_trot_goes_on(push):
 def test_standing_robot_steps_when_it_is_pushed_and_stands_again():
     gait = hp.WalkingGait(hp.load_robot("solo12"))
     run = walk(gait, duration=4.0, pushes=((0.5, (0.0, 0.9, 0.0)),))
-    assert run.ending == "completed"
     assert run["steps"][-1] > 1
     assert not gait.walking
 
@@ -128,7 +123,6 @@ def test_delay_noise_and_another_plant():
     pytest.importorskip("mujoco")
     for more in ({"delay": 2e-3}, {"noise": hp.Noise.typical()}, {"plant": "mujoco"}):
         run = walk(hp.WalkingGait(hp.load_robot("solo12"), velocity=(0.3, 0.0, 0.1)), **more)
-        assert run.ending == "completed"
         assert slip_per_step(run) < 2.0
         assert path_error(run) < 0.03
 
@@ -138,7 +132,6 @@ def test_delay_noise_and_another_plant():
 @pytest.mark.parametrize("name", long_but(("solo12", "go2", "anymal_c"), ("solo12",)))
 def test_other_schedules(name, schedule, speed):
     run = walk(hp.WalkingGait(hp.load_robot(name), schedule, velocity=(speed, 0.0, 0.0)))
-    assert run.ending == "completed"
     feet_down = run["stance"].sum(axis=1)
     assert feet_down.min() == (3.0 if schedule == "crawl" else 2.0)
     assert run["centre"][-1, 0] - run["centre"][0, 0] > 0.6 * speed * 2.5
@@ -148,7 +141,6 @@ def test_other_schedules(name, schedule, speed):
 def test_bolt_walks_forward_and_sideways():
     for velocity in ((0.2, 0.0, 0.0), (0.0, 0.1, 0.0)):
         run = walk(hp.WalkingGait(hp.load_robot("bolt"), velocity=velocity), duration=4.0)
-        assert run.ending == "completed"
         assert hp.measure(run).tilt_max_rad < 0.02
         moved = run["centre"][-1, :2] - run["centre"][0, :2]
         assert np.abs(moved - 3.9 * np.array(velocity[:2])).max() < 0.1
@@ -160,7 +152,6 @@ def test_bolt_steps_in_place_and_takes_a_push(push):
     pushes = ((0.5, (*push, 0.0)),) if any(push) else ()
     gait = hp.WalkingGait(hp.load_robot("bolt"), "step", (0.0, 0.0, 0.0))
     run = walk(gait, mu=0.5, duration=4.0, pushes=pushes)
-    assert run.ending == "completed"
     assert hp.measure(run).tilt_max_rad < 0.05
     assert np.abs(run["v"][-1000:, :2].mean(axis=0)).max() < 0.05  # it has caught itself
 
@@ -180,7 +171,6 @@ def test_feet_of_a_biped_do_not_cross_and_land_before_it_leans_too_far():
         sides.append(side @ (m["place"][0, :2] - m["place"][1, :2]))
 
     run = walk(gait, mu=0.5, duration=4.0, pushes=((2.0, (0.8, 0.0, 0.0)),), on_tick=see)
-    assert run.ending == "completed"
     assert min(sides[1:]) > 0.0  # the first one is before anything is measured
     apart = p["pace"]["nominal"][0, 1] - p["pace"]["nominal"][1, 1]
     assert np.abs(run["applied_velocity"][:, 1]).max() * p["pace"]["usual_step"] < apart
@@ -195,7 +185,6 @@ def test_feet_of_a_biped_do_not_cross_and_land_before_it_leans_too_far():
 def test_a_pushed_biped_on_points_goes_on(plant, push):
     gait = hp.WalkingGait(hp.load_robot("bolt"), velocity=(0.2, 0.0, 0.0))
     run = walk(gait, mu=0.5, duration=4.0, pushes=((1.6, (*push, 0.0)),), plant=plant)
-    assert run.ending == "completed"
     assert abs(run["v"][-300:, 1].mean()) < 0.1  # it has caught itself
 
 
@@ -207,7 +196,6 @@ def test_a_biped_on_points_that_is_pushed_askew_is_not_lifted(time):
     """
     gait = hp.WalkingGait(hp.load_robot("bolt"), velocity=(0.5, 0.0, 0.0))
     run = walk(gait, duration=3.5, pushes=((time, (0.55, 0.55, 0.0)),))
-    assert run.ending == "completed"
     assert run["centre"][:, 2].max() < 1.15 * run["centre"][0, 2]
 
 
@@ -235,7 +223,6 @@ def test_a_step_of_two_centimetres_that_it_does_not_know(name, rise):
     blind = OnTerrain(hp.WalkingGait(robot, velocity=(0.3, 0.0, 0.0)), Plane(slope=0.0))
     gait, stairs = blind.gait, Stairs(rise=rise, steps=1, depth=5.0, start=0.5, edge=0.002)
     run = walk(blind, terrain=stairs, duration=3.5, on_tick=see)
-    assert run.ending == "completed"
     assert hp.measure(run).tilt_max_rad < 0.1
     unknown = 0.03 * gait.record["build"]["height"][0]
     assert np.abs(gait.record["steps"]["felt"][0] - rise).min() < unknown
@@ -264,7 +251,6 @@ def test_soles_feel_two_centimetres_that_they_do_not_know(name, rise):
     gait = hp.WalkingGait(hp.load_robot(name), velocity=(0.25, 0.0, 0.0))
     stairs = Stairs(rise=rise, steps=1, depth=5.0, start=0.4, edge=0.05)
     run = walk(OnTerrain(gait, Plane(slope=0.0)), terrain=stairs, duration=5.0)
-    assert run.ending == "completed"
     assert hp.measure(run).tilt_max_rad < 0.1
     np.testing.assert_allclose(gait.record["steps"]["felt"][0], rise, atol=0.008)
     assert run["centre"][-1, 0] > 0.9
@@ -282,7 +268,6 @@ def test_bumps_of_one_centimetre_that_it_does_not_know(name, seed):
     gait = hp.WalkingGait(hp.load_robot(name), velocity=(0.3, 0.0, 0.0))
     bumps = HeightField(heights=heights.tolist(), resolution=0.1, corner=(-0.5, -1.5))
     run = walk(gait, terrain=bumps, duration=3.5)
-    assert run.ending == "completed"
     assert hp.measure(run).tilt_max_rad < 0.05
     assert run["centre"][-1, 0] > 0.6
 
@@ -300,7 +285,6 @@ def test_humanoids_walk_on_their_soles_and_stop(name):
     run = walk(
         gait, duration=7.0, on_tick=lambda _: hastes.append(gait.record["steps"]["haste"][0])
     )
-    assert run.ending == "completed"
     assert hp.measure(run).tilt_max_rad < 0.05
     assert path_error(run) < 0.03
     t = run["t"]
@@ -337,7 +321,6 @@ def test_soles_stay_apart_in_turns_and_steps_to_the_side(name):
     )
     gait = hp.WalkingGait(robot, velocity=rows)
     run = walk(gait, duration=8.0)
-    assert run.ending == "completed"
     assert gap_of_soles(run, robot) > 0.009
     assert slip_per_step(run) < 2.0
     assert path_error(run) < 0.05
@@ -380,7 +363,6 @@ def test_a_pushed_humanoid_hardly_steps_on_its_own_foot(name):
         gait = hp.WalkingGait(robot, "step")
         time = round(1.0 + 0.25 * quarter * gait.step_duration, 3)
         run = walk(gait, pushes=((time, (0.0, -0.4, 0.0)),), duration=time + 2.0)
-        assert run.ending == "completed"
         assert gap_of_soles(run, robot) > -0.02
 
 
@@ -395,8 +377,7 @@ def test_a_pushed_humanoid_hardly_steps_on_its_own_foot(name):
 @settings(max_examples=5, suppress_health_check=[HealthCheck.too_slow], deadline=None)
 def test_random_commands_do_not_fell_it(commands):
     rows = tuple((0.3 + 0.7 * n, *command) for n, command in enumerate(commands))
-    run = walk(hp.WalkingGait(hp.load_robot("go2"), velocity=rows), duration=0.7 * len(rows) + 1.0)
-    assert run.ending == "completed"
+    walk(hp.WalkingGait(hp.load_robot("go2"), velocity=rows), duration=0.7 * len(rows) + 1.0)
 
 
 SIDES = [45 * k for k in range(8)]
@@ -415,7 +396,6 @@ def test_a_push_from_any_side_does_not_fell_g1_in_mujoco(degrees, quarter):
     push = (0.4 * np.cos(angle), 0.4 * np.sin(angle), 0.0)
     time = round(2.0 + 0.25 * quarter * gait.step_duration, 3)
     run = walk(gait, mu=0.6, pushes=((time, push),), duration=time + 2.5, plant="mujoco")
-    assert run.ending == "completed"
     assert run["centre"][-1, 2] > 0.9 * run["centre"][0, 2]
 
 
@@ -434,7 +414,6 @@ def test_a_pushed_humanoid_turns_and_keeps_its_knees_bent(name, time):
         pushes=((time, (0.0, -0.4, 0.0)),),
         duration=time + 2.5,
     )
-    assert run.ending == "completed"
     tilt = np.arccos(1.0 - 2.0 * (run["q"][:, 3] ** 2 + run["q"][:, 4] ** 2))
     assert tilt.max() > 0.02
     assert tilt[-1] < 0.02

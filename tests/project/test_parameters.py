@@ -5,7 +5,9 @@ import re
 from dataclasses import dataclass, field
 from functools import partial
 
+import numpy as np
 import pytest
+from public_calls import Silent
 
 import harpy_pin as hp
 from harpy_pin import checks
@@ -56,6 +58,8 @@ SCRIPTS = (
     [(0.0, 1e9, 0.0, 0.0)],
     [(-1.0, 0.3, 0.0, 0.0)],
 )
+HIGHER = hp.make_gait(ROBOT).initial_state()[0][7:] + 0.3 * (np.arange(6) == 1)
+"""A posture with one foot higher than the other."""
 TWICE = [(1.0, 0.3, 0.0, 0.0), (1.0, 0.2, 0.0, 0.0)]
 
 BAD = {
@@ -188,6 +192,36 @@ BAD = {
         **{"coordinates": ("log",)},
     },
     partial(hp.gaits.CommandedGait, ROBOT): {"velocity": (*SCRIPTS, TWICE, 3.0)},
+    partial(hp.WalkingGait, ROBOT): {"velocity": (3.0,), "max_speed": (0.0,), "clearance": (-0.1,)},
+    partial(hp.Standing, ROBOT): {
+        "posture": (np.zeros(3), np.full(6, math.nan), HIGHER),
+        "shift": ((0.0, 0.0),),
+        "shift_period": (0.0,),
+        "penetration_offset": (-0.001,),
+    },
+    partial(hp.Standing(ROBOT).move, offset=np.zeros(3), t=1.0): {
+        "offset": ((0.0, 0.0),),
+        "t": (-1.0,),
+        "duration": (0.0,),
+    },
+    partial(hp.PlannedGait, ROBOT, Silent()): {
+        "rate": (0.0, math.inf),
+        "clearance": (-1.0,),
+        "executor": (3,),
+    },
+    partial(hp.gaits.swing, np.zeros(3), np.zeros(3), 0.1, left=0.2, apex=1.0): {
+        "left": (math.nan,),
+        "rise": (0.3,),
+        "apex": ("high",),
+        "early": (-0.1, math.nan),
+        "descent": (math.inf,),
+    },
+    hp.make_gait(ROBOT).update: {"t": (math.nan, math.inf, -math.inf, 1e10)},
+    hp.Standing(ROBOT).update: {"t": (math.nan, math.inf, 1e10)},
+    hp.gaits.CommandedGait(ROBOT).update: {"t": (math.nan, math.inf, 1e10, 5000.0)},
+    hp.gaits.CommandedParameters: dict.fromkeys(
+        ("max_turn", "feet_apart", "frozen", "settled", "spare"), (-1.0,)
+    ),
     hp.gaits.GaitParameters: {
         **{
             "speed": (math.nan, "fast"),
@@ -250,6 +284,7 @@ WORDS |= {
     "min_normal_force": "normal_force",
     "name": "governor",
     "legs": "leg_control_law",
+    "t": "time|t_must",
     "heights": "height",
 }
 WORDS |= dict.fromkeys(("upper", "lower"), "link")

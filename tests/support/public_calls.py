@@ -237,7 +237,7 @@ def values() -> dict[str, Any]:
             "heights": ((0.0, 0.1), (0.2, 0.3)),
             "y": np.zeros(9),
         },
-        **{"normal_error": 0.01, "lag": 0.1, "walks": True},
+        **{"normal_error": 0.01, "lag": 0.1, "walks": True, "reach": 0.2},
         "contrib.flight.FlyingGait.gait": hp.make_commanded_gait(robot),
         "contrib.flight.FlyingGait.flights": Fly(),
         "contrib.flight.Flying.gait": FlyingGait(hp.make_commanded_gait(robot), Fly()),

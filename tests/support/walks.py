@@ -77,21 +77,16 @@ def walk(
     on_tick=None,
     **disturbances,
 ):
-    """A walk on ground into which the robot sinks by 2 mm; pushes are (time, velocity that they
-    would give).
+    """A walk to its end on ground into which the robot sinks by 2 mm; pushes are (time, velocity
+    that they would give).
     """
     mass = gait.robot.mass
     shoves = tuple(hp.Push(t, tuple(mass * np.array(velocity))) for t, velocity in pushes)
     ground = {"mu_s": mu, "stiffness": mass * 9.81 / 2e-3, "terrain": terrain}
-    return walked(
-        gait,
-        on_tick=on_tick,
-        duration=duration,
-        plant=plant,
-        pushes=shoves,
-        **ground,
-        **disturbances,
-    )
+    settings = {"duration": duration, "plant": plant, "pushes": shoves, **ground, **disturbances}
+    run = walked(gait, on_tick=on_tick, **settings)
+    assert run.ending == "completed"
+    return run
 
 
 def slip_per_step(run):

@@ -47,6 +47,11 @@ class Build:
     facing: float  # yaw of the direction in which the robot faces, about its base's axes, rad
     soles: bool  # whether feet are flat
 
+    def around(self) -> Vector:
+        """(feet, 2) middles of the feet about their common middle, m."""
+        places = self.place[:, :2]
+        return np.asarray(places - places.mean(axis=0))
+
 
 def build_of(robot: Robot, q: Vector, w: WalkingParameters) -> Build:
     """How a robot with feet is built that stands in the configuration q."""

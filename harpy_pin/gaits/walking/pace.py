@@ -8,13 +8,12 @@ from numpy.typing import NDArray
 
 from harpy_pin.errors import InputError
 from harpy_pin.gaits.fitting import GRAVITY
-from harpy_pin.gaits.velocity import warn_maker
+from harpy_pin.gaits.velocity import largest, warn_maker
 from harpy_pin.gaits.walking.build import Build
-from harpy_pin.gaits.walking.parameters import TunedRecord, WalkingParameters
-from harpy_pin.gaits.walking.pendulum import upright_end
+from harpy_pin.gaits.walking.parameters import WalkingParameters
+from harpy_pin.gaits.walking.pendulum import upright_share
 from harpy_pin.gaits.walking.schedules import draw_together
-from harpy_pin.gaits.walking.swing_load import fastest_speed, holding_load, swing_load
-from harpy_pin.model.record import make_record
+from harpy_pin.gaits.walking.swing_load import holding_load, swing_load
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
 
@@ -22,6 +21,8 @@ SLOW = 0.1
 """Share of its usual velocity below which a robot is said to be slow."""
 SLOWEST = 1e-6
 """Speed below which steps are not shortened, m/s."""
+HALVINGS = 7
+"""How often the range of speeds is halved."""
 PEAK = 15.6
 """Peak of the acceleration of two feet that are swung, in the velocity of the walk over the
 duration of a step.
@@ -80,17 +81,19 @@ def pace_of(
         most, limited_by = max_speed, "max_speed"
     else:
         omega, near = float(np.sqrt(GRAVITY / build.rise)), w.near if gentle else w.straight_near
-        tuned = make_record(TunedRecord, **vars(w))
+        creep = w.creep * (omega * build.height)
 
         def load(speed: float) -> float:
             lasts = shortened(speed)
-            upright = upright_end(tuned, speed, omega * build.height, near)
+            upright = upright_share(speed, creep, near, w.upright_end)
             pushed = max(push * speed / (lasts * w.free_push), 1.0) if runs else 1.0
             return pushed * swing_load(robot, q, build, speed, lasts, both, clearance, upright)
 
         held = holding_load(robot, q, group)
         allowed = w.swing_torque if runs else max(1.0, w.lift_torque * load(0.0))
-        swung = fastest_speed(load, most, allowed) if held <= 1.0 else 0.0
+        swung = 0.0
+        if held <= 1.0:
+            swung = largest(lambda speed: load(speed) <= allowed, most, halvings=HALVINGS)
         if swung == 0.0:
             holding = f"hold it in mid-step, which takes {held:.2g} times their torques"
             why = holding if held > 1.0 else "swing its legs"
@@ -132,8 +135,7 @@ def _reach(build: Build, group: NDArray[np.int64], w: WalkingParameters) -> floa
         return build.reach
     two_soles = len(build.place) == 2 and build.sole[0] > 0.0
     used = w.knee_torque / max(build.knee, w.knee_torque) if two_soles else w.reach_used
-    apart = build.place[:, :2] - build.place[:, :2].mean(axis=0)
-    together = apart.copy()
+    apart, together = build.around(), build.around()
     draw_together(together, group, build.narrow)
     drawn = float(np.linalg.norm(apart - together, axis=1).max())
     return used * (build.reach - drawn) if drawn > 0.0 else build.reach

@@ -20,7 +20,6 @@ from harpy_pin.model.state import Vector
 from harpy_pin.model.vectors import rotation_in_plane
 
 if TYPE_CHECKING:
-    from harpy_pin.gaits.walking.parameters import TunedRecord
     from harpy_pin.gaits.walking.record import WalkingRecord
 
 SAME = 1e-6
@@ -58,56 +57,19 @@ def cyclic_offset(way: Any, jump: Any, growth: float) -> Any:
 
 
 @kernel
-def toward(
-    place: float, velocity: float, acceleration: float, goal: float, left: float, step: float
-) -> tuple[float, float, float]:
-    """Place, velocity and acceleration after a time on the quintic that ends at rest at the goal
-    after the time left.
+def upright_share(speed: float, creep: float, near: float, least: float) -> float:
+    """Share of its swing, at one of its ends, in which a foot moves vertically, at a speed of the
+    walk, m/s.
 
-    Once it is over, they are the goal's.
-    """
-    if step >= left:
-        return goal, 0.0, 0.0
-    s, way, glide, bend = (
-        step / left,
-        goal - place,
-        velocity * left,
-        0.5 * acceleration * left * left,
-    )
-    third = 10.0 * way - 6.0 * glide - 3.0 * bend
-    fourth = -15.0 * way + 8.0 * glide + 3.0 * bend
-    fifth = 6.0 * way - 3.0 * glide - bend
-    return (
-        place + s * (glide + s * (bend + s * (third + s * (fourth + s * fifth)))),
-        (glide + s * (2.0 * bend + s * (3.0 * third + s * (4.0 * fourth + s * 5.0 * fifth))))
-        / left,
-        (2.0 * bend + s * (6.0 * third + s * (12.0 * fourth + s * 20.0 * fifth))) / (left * left),
-    )
-
-
-@kernel
-def upright_end(w: TunedRecord, speed: float, natural: float, near: float) -> float:
-    """Share of its swing, at the end, in which a foot moves vertically, at a speed of the walk.
-
+    It is ``least`` or more. In the share ``near`` the foot is near the ground, and moves across it
+    at ``creep``, m/s, at most.
     A foot that meets the ground while it moves across it is thrown up by contacts that are convex,
-    such as MuJoCo's, at μ times that velocity. So a fast one stops earlier. ``natural`` is ω times
-    the body's height, ``near`` the share in which the foot is near to the ground.
+    such as MuJoCo's, at μ times that velocity. Ground that gives way follows a foot that rises, and
+    holds on to one that moves across it faster than it rises.
     """
     if speed <= 0.0:
-        return w.upright_end
-    return float(max(near - np.sqrt(w.creep * natural / (RACE * speed)), w.upright_end))
-
-
-@kernel
-def upright_begin(w: TunedRecord, speed: float, natural: float) -> float:
-    """Share of its swing, at the beginning, in which a foot goes straight up that is in the ground.
-
-    Ground that gives way follows a foot that rises, and holds on to one that moves across it faster
-    than it rises. Arguments as of :func:`upright_end`.
-    """
-    if speed <= 0.0:
-        return w.stuck
-    return float(max(w.out - np.sqrt(w.creep * natural / (RACE * speed)), w.stuck))
+        return least
+    return float(max(near - np.sqrt(creep / (RACE * speed)), least))
 
 
 @kernel(points=("n", 2))

@@ -176,7 +176,7 @@ def walking_record(
     sizes = {"feet": feet, "points": len(robot.feet), "entries": 4}
     omega, leg, usual = float(np.sqrt(GRAVITY / build.rise)), build.leg, pace.usual_step
     balances = feet == 2 and not soles and groups == 2
-    nominal = build.place[:, :2] - build.place[:, :2].mean(axis=0)
+    nominal = build.around()
     sways = groups == 2 and draw_together(nominal, group, build.narrow) > w.sway * build.rise
     middle = np.array([nominal[group == g].mean(axis=0) for g in range(groups)])
     max_aside, aside = np.inf, w.acceleration

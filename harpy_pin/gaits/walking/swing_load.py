@@ -1,6 +1,5 @@
 """The torques that a walk takes: of the legs that hold the weight, and of those that swing."""
 
-from collections.abc import Callable
 from itertools import pairwise
 
 import numpy as np
@@ -9,8 +8,8 @@ from numpy.typing import NDArray
 
 from harpy_pin.errors import InputError
 from harpy_pin.gaits.fitting import GRAVITY
+from harpy_pin.gaits.swing import toward
 from harpy_pin.gaits.walking.build import Build
-from harpy_pin.gaits.walking.pendulum import toward
 from harpy_pin.model.legs import legs
 from harpy_pin.model.posed import Posed
 from harpy_pin.model.robot import Robot
@@ -22,8 +21,6 @@ ITERATIONS = 6
 """Iterations of the inverse kinematics at each of them, from the one before."""
 SMALL = 1e-6
 """Regularises it where a leg is stretched, m²."""
-HALVINGS = 7
-"""How often the range of speeds is halved."""
 
 
 def holding_load(robot: Robot, q: Vector, group: NDArray[np.int64]) -> float:
@@ -54,11 +51,11 @@ def swing_load(
     clearance: float,
     upright: float,
 ) -> float:
-    """Largest torque of the motors of a leg that swings, as a share of their limits; of the weakest
-    leg.
+    """Largest torque of the motors of legs that swing, as a share of their limits.
 
     The body goes straight on at the speed; a foot goes from half a stance behind its place to half
-    a stance ahead. It moves vertically in the share ``upright`` of its swing, at the end.
+    a stance ahead. It moves vertically in the share ``upright`` of its swing, at the end. All legs
+    swing at once: none moves a motor of another one, because the body goes on as it does.
     """
     model, data = robot.model, robot.model.createData()
     duration, limit = (1.0 - double_support) * step_duration, robot.torque_limit
@@ -70,56 +67,36 @@ def swing_load(
         2.0 * step_duration * ahead - 0.5 * (1.0 + double_support) * step_duration - time
     )
     way[:, 2] = q[2] - build.height + 64.0 * clearance * (u * (1.0 - u)) ** 3
-    worst = 0.0
-    for leg in legs(robot):
-        joints = np.array(leg.columns)
-        try:
-            followed = _follow(robot, q, leg.points[0], joints, way)
-        except InputError:  # a linkage does not go so far
-            return np.inf
-        path = [robot.closed(at) for at in followed]
-        rate = [pin.difference(model, a, b) / time[1] for a, b in pairwise(path)]
-        for i in range(1, SAMPLES - 1):
-            torque = pin.rnea(
-                model,
-                data,
-                path[i],
-                0.5 * (rate[i - 1] + rate[i]),
-                (rate[i] - rate[i - 1]) / time[1],
-            )
-            torque = (robot.velocity_map(followed[i]).T @ torque)[joints]
-            worst = max(worst, float(np.max(np.abs(torque) / limit[joints - 6])))
+    joints, worst = np.array([column for leg in legs(robot) for column in leg.columns]), 0.0
+    try:
+        followed = _follow(robot, q, way)
+    except InputError:  # a linkage does not go so far
+        return np.inf
+    path = [robot.closed(at) for at in followed]
+    rate = [pin.difference(model, a, b) / time[1] for a, b in pairwise(path)]
+    for i in range(1, SAMPLES - 1):
+        speeds, change = 0.5 * (rate[i - 1] + rate[i]), (rate[i] - rate[i - 1]) / time[1]
+        torque = pin.rnea(model, data, path[i], speeds, change)
+        torque = (robot.velocity_map(followed[i]).T @ torque)[joints]
+        worst = max(worst, float(np.max(np.abs(torque) / limit[joints - 6])))
     return worst
 
 
-def _follow(
-    robot: Robot, q: Vector, foot: str, joints: NDArray[np.int64], way: Vector
-) -> list[Vector]:
-    """Configurations in which the joints of one leg, of these columns, bring its foot along a
-    way.
-    """
+def _follow(robot: Robot, q: Vector, way: Vector) -> list[Vector]:
+    """Configurations in which each leg brings its foot along a way (samples, 3) from its place."""
     posed, path = Posed(robot, q), []
-    start = posed.frame(foot).translation.copy()
+    feet = [(leg.points[0], np.array(leg.columns)) for leg in legs(robot)]
+    start = {foot: posed.frame(foot).translation.copy() for foot, _ in feet}
     for offset in way:
         for _ in range(ITERATIONS):
-            jacobian = posed.jacobian(foot)[:3, joints]
             step = np.zeros(robot.nv)
-            missing = start + offset - posed.frame(foot).translation
-            step[joints] = jacobian.T @ np.linalg.solve(
-                jacobian @ jacobian.T + SMALL * np.eye(3), missing
-            )
+            for foot, joints in feet:
+                jacobian = posed.jacobian(foot)[:3, joints]
+                missing = start[foot] + offset - posed.frame(foot).translation
+                step[joints] = jacobian.T @ np.linalg.solve(
+                    jacobian @ jacobian.T + SMALL * np.eye(3), missing
+                )
             q = robot.integrate(q, step)
             posed = Posed(robot, q)
         path.append(q)
     return path
-
-
-def fastest_speed(load: Callable[[float], float], high: float, most: float) -> float:
-    """Largest speed up to ``high`` at which a load, which grows with it, is not above ``most``."""
-    if load(high) <= most:
-        return high
-    low = 0.0
-    for _ in range(HALVINGS):
-        middle = 0.5 * (low + high)
-        low, high = (middle, high) if load(middle) <= most else (low, middle)
-    return low

@@ -10,8 +10,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from harpy_pin.gaits.swing import toward
 from harpy_pin.gaits.velocity import foot_speed
-from harpy_pin.gaits.walking.pendulum import hip_place, toward, upright_begin, upright_end, wrapped
+from harpy_pin.gaits.walking.pendulum import hip_place, upright_share, wrapped
 from harpy_pin.gaits.walking.record import WalkingRecord
 from harpy_pin.gaits.walking.rolling import flat_place
 from harpy_pin.ground.surface import surface_height
@@ -72,9 +73,11 @@ def _swing(p: WalkingRecord, k: int, left: float, span: float) -> None:
         return
     s, w, u = p.steps, p.tuned, p.planned
     duration = (1.0 - s.double_support) * s.duration
-    speed, natural = foot_speed(u, u.velocity), p.pace.omega * p.build.height
-    upright = upright_end(w, speed, natural, w.near if p.pace.low > 0.0 else w.straight_near)
-    if not _sticks(p, k, left * s.haste / duration, upright_begin(w, speed, natural)):
+    speed, creep = foot_speed(u, u.velocity), w.creep * (p.pace.omega * p.build.height)
+    near = w.near if p.pace.low > 0.0 else w.straight_near
+    upright = upright_share(speed, creep, near, w.upright_end)
+    begin = upright_share(speed, creep, w.out, w.stuck)
+    if not _sticks(p, k, left * s.haste / duration, begin):
         _move_across(p, k, max(left - upright * duration / s.haste, 0.0) + span, span)
     _lift(p, k, 1.0 - s.haste * left / duration, duration, span)
 

@@ -12,7 +12,7 @@ from harpy_pin import checks
 from harpy_pin.arguments import checked
 from harpy_pin.errors import InputError
 from harpy_pin.gaits.fitting import GRAVITY, fitting_parameters
-from harpy_pin.gaits.gait import LONGEST, GaitTarget, Unobserved, refuse_time
+from harpy_pin.gaits.gait import GaitTarget, Unobserved
 from harpy_pin.gaits.standing import Standing
 from harpy_pin.gaits.velocity import FollowsVelocity, Velocity, warn_maker
 from harpy_pin.gaits.walking.build import build_of
@@ -22,7 +22,10 @@ from harpy_pin.gaits.walking.pace import pace_of
 from harpy_pin.gaits.walking.parameters import WalkingParameters, changed, parameters_of
 from harpy_pin.gaits.walking.record import WalkingRecord, walking_record
 from harpy_pin.gaits.walking.schedules import BY_FEET, draw_together, groups_of
+from harpy_pin.gaits.walking.swinging import PEAK
 from harpy_pin.gaits.walking.tick import advance
+from harpy_pin.ground.surface import greatest_rise
+from harpy_pin.ground.terrain import Terrain
 from harpy_pin.kernels.calls import Call
 from harpy_pin.model.entry import as_state
 from harpy_pin.model.legs import legs
@@ -82,6 +85,8 @@ class WalkingGait(FollowsVelocity):
             feet, or legs that cannot walk.
     """
 
+    _advance = advance
+
     @checked
     def __init__(
         self,
@@ -113,7 +118,7 @@ class WalkingGait(FollowsVelocity):
                 f"'{robot.name}' has points as feet on legs of {most_joints} joints: flat_feet "
                 f"makes them soles"
             )
-        self._group = groups_of(self.schedule, build.place[:, :2] - build.place[:, :2].mean(axis=0))
+        self._group = groups_of(self.schedule, build.around())
         if clearance is None:
             clearance = w.clearance * build.leg
         clearance = checks.number("clearance", clearance, low=0.0, high=build.leg, strict=True)
@@ -136,7 +141,6 @@ class WalkingGait(FollowsVelocity):
         )
         parts: Any = self._record_
         self._seen: NDArray[np.int64] = parts["measured"]["seen"]
-        self._time: Vector = parts["time"]
         self._chosen_speed = max_speed is not None
         self._follow(velocity, parts["planned"], parts["steps"])
         # Largest speeds on firm ground
@@ -177,7 +181,7 @@ class WalkingGait(FollowsVelocity):
         self._followed["max_aside"], self._followed["max_turn"] = share * aside, share * w.max_turn
         if pace["sways"][0]:
             grip = min(max((mu - w.slippery) / (w.firm - w.slippery), 0.0), 1.0)
-            nominal = build.place[:, :2] - build.place[:, :2].mean(axis=0)
+            nominal = build.around()
             apart = draw_together(nominal, group, build.narrow)
             close = w.slippery_gap + float(build.sole[1])
             draw_together(nominal, group, apart - (1.0 - grip) * max(apart - close, 0.0))
@@ -187,6 +191,32 @@ class WalkingGait(FollowsVelocity):
                 self._record_["footholds"]["middle"] = middle
             for name in ("slow_double_support", "fast_double_support"):
                 pace[name] = swift + grip * (getattr(self._pace, name) - swift)
+
+    @checked
+    def expect_terrain(self, terrain: Terrain, *, reach: float) -> bool:
+        """See :meth:`~harpy_pin.gaits.gait.Gait.expect_terrain`.
+
+        On points, on ground that is no plane, feet go over it by heights in the world, and steps
+        last as long as lifting a foot takes.
+
+        Raises:
+            InputError: a reach that is negative or not finite.
+        """
+        w, t = self.parameters, terrain.record
+        pace, steps = self._record_["pace"], self._record_["steps"]
+        self._record_["terrain"] = t
+        pace["ground_reach"] = checks.number("reach", reach, low=0.0)
+        if self._build.soles or not (t["pieces"][0] or t["cells"][0, 2]):
+            return False
+        both = pace["fast_double_support"]
+        pace["steps_over"] = pace["slow_load_ramp"] = pace["fast_load_ramp"] = 1
+        pace["slow_double_support"] = steps["double_support"] = both
+        rise = greatest_rise(t, w.longest_way * self._build.height)
+        rising = float(np.sqrt(PEAK * (float(pace["clearance"][0]) + rise) / w.lift_acceleration))
+        least = rising / float(w.apex * (1.0 - both[0]))
+        self.step_duration = max(least, float(pace["usual_step"][0]))
+        pace["usual_step"] = steps["duration"] = self.step_duration
+        return True
 
     def observe(self, state: State) -> None:
         """See :meth:`~harpy_pin.gaits.gait.Gait.observe`; entries that are not finite are ignored.
@@ -202,7 +232,7 @@ class WalkingGait(FollowsVelocity):
 
     def update(self, t: float) -> GaitTarget:
         """See :meth:`~harpy_pin.gaits.gait.Gait.update`; the targets are those at the state that
-        was observed last.
+        was observed last. Time zero, or one more than a step before the last, begins anew.
 
         Raises:
             Unobserved: no state whose numbers are finite.
@@ -214,17 +244,7 @@ class WalkingGait(FollowsVelocity):
                 "hp.WalkingGait needs the measured state: call observe(state) before update(t)",
                 name="gait",
             )
-        if type(t) is not float:
-            t = checks.number("t", t)
-        if not abs(t) < LONGEST:
-            raise refuse_time(t)
-        if t <= 0.0 or t < self._time[0] - self.step_duration:
-            self._begin()
-        while t >= self._switch[0]:
-            self._take_row()
-        self._ask_function(t)
-        advance(float(t), self._record_, self.target._record_)
-        return self.target
+        return super().update(t)
 
     def _take_over(self, velocity: Vector, in_air: NDArray[np.bool_]) -> None:
         """Begin anew at a time zero as a robot that goes: the first step begins at once, and the
