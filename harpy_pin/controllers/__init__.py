@@ -11,6 +11,7 @@ from harpy_pin.controllers.named_controllers import (
     make_parameters,
 )
 from harpy_pin.controllers.parameters import GovernedParameters, JointGains, WholeBodyParameters
+from harpy_pin.controllers.stage import Stage
 from harpy_pin.controllers.whole_body import WholeBodyController
 from harpy_pin.simulation.loop import Controller
 
@@ -22,6 +23,7 @@ __all__ = [
     "GovernedController",
     "GovernedParameters",
     "JointGains",
+    "Stage",
     "WholeBodyController",
     "WholeBodyParameters",
     "make_controller",

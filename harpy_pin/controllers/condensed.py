@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 from numpy.typing import ArrayLike
 
 from harpy_pin.arguments import checked
-from harpy_pin.controllers.condensed_tick import CondensedTickRecord, find_optimum, take_optimum
+from harpy_pin.controllers.condensed_tick import (
+    CondensedTickRecord,
+    around_optimum,
+    find_optimum,
+    take_optimum,
+)
 from harpy_pin.controllers.joint_targets import set_condensed_law
 from harpy_pin.controllers.parameters import WholeBodyParameters
+from harpy_pin.controllers.stage import Stage, Stages
 from harpy_pin.controllers.task_controller import TaskController
-from harpy_pin.controllers.thrust_lag import fix, free, release
-from harpy_pin.controllers.tick import Stages, take_sample, tick_of, write_thrust
+from harpy_pin.controllers.tick import take_sample, tick_of, write_thrust
 from harpy_pin.gaits.gait import Gait
 from harpy_pin.model.record import field
 from harpy_pin.model.state import State, Vector
@@ -35,15 +40,24 @@ class CondensedController(TaskController):
         gait: where body and feet should be.
         parameters: gains, weights and limits, by default those that fit gait and robot
             (:meth:`WholeBodyParameters.for_gait`); ``formulation`` and ``solver`` are not used.
+        stages: of your own, see :class:`Stage`.
 
     Attributes:
         solver: the optimum of the last tick, with its forces and status.
         added: tasks that :meth:`add` has put in, with their weights.
     """
 
+    _set_law = set_condensed_law
+
     @checked
-    def __init__(self, gait: Gait, parameters: WholeBodyParameters | None = None) -> None:
-        super().__init__(gait, parameters)
+    def __init__(
+        self,
+        gait: Gait,
+        parameters: WholeBodyParameters | None = None,
+        *,
+        stages: Sequence[Stage] = (),
+    ) -> None:
+        super().__init__(gait, parameters, stages)
         self._use({})
 
     def _use(self, tasks: Mapping[AnyTask, ArrayLike]) -> None:
@@ -73,12 +87,13 @@ class CondensedController(TaskController):
     def _make_anew(self) -> None:
         """See :meth:`GaitController._make_anew`."""
         super()._make_anew()
-        if self._has("lag"):
-            optimum: Stages = free, find_optimum, fix, find_optimum, release, take_optimum
-        else:
-            optimum = find_optimum, take_optimum, write_thrust
-        stages = *self._before(), *optimum, *self._after()
-        self._step = tick_of((take_sample,), stages, self._closing(set_condensed_law))
+        optimum: Stages = find_optimum, take_optimum, write_thrust
+        if around := [around_optimum(part) for part in self._kernels_of("around_optimum")]:
+            *before, after = around
+            pairs = (stage for part in before for stage in (part, find_optimum))
+            optimum = *pairs, after, take_optimum
+        stages = *self._before(), *optimum, *self._kernels_of("after_optimum")
+        self._step = tick_of((take_sample,), stages, self._closing())
 
     def reset(self) -> None:
         """Forget the last command, the active sets and the estimates."""

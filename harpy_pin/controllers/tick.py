@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from functools import cache
 
+from harpy_pin.controllers.stage import Stages
 from harpy_pin.controllers.tasks import TasksRecord, measured_terms
 from harpy_pin.gaits.gait import GaitTargetRecord
 from harpy_pin.kernels import Kernel, kernel
@@ -89,9 +90,6 @@ def write_torque(
         r.inputs[first if r.apart else 0 :] *= factor
         r.thrust *= factor
     r.torque[:] = r.inputs[first:]
-
-
-Stages = tuple[Kernel[None], ...]
 
 
 @cache

@@ -16,8 +16,8 @@ import harpy_pin
 ROOT = Path(__file__).resolve().parents[2]
 CONTRIB = "harpy_pin/contrib/"
 STATEMENTS = {
-    "harpy_pin": 26_280,
-    CONTRIB: 5_030,
+    "harpy_pin": 26_030,
+    CONTRIB: 5_300,
     "reproduction": 2_080,
     "comparison": 7_480,
     "tests": 28_550,
