@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from functools import cache
-
 from harpy_pin.controllers.tasks import TasksRecord, forces_in_world
 from harpy_pin.controllers.tick import TaskTickRecord
 from harpy_pin.gaits.gait import GaitTargetRecord
-from harpy_pin.kernels import Kernel, kernel
+from harpy_pin.kernels import kernel
 from harpy_pin.model.state import Vector
 from harpy_pin.wbc.condensed.solve import CondensedRecord, hold_last, solve_condensed
 
@@ -43,17 +41,3 @@ def take_optimum(
     hold_last(p)
     r.inputs[:] = p.inputs
     r.status = p.status_and_steps[0]
-
-
-@cache
-def around_optimum(part: Kernel[None]) -> Kernel[None]:
-    """The stage that calls a kernel of :attr:`~harpy_pin.controllers.Stage.around_optimum`."""
-
-    @kernel
-    def stage(
-        r: CondensedTickRecord, target: GaitTargetRecord, q: Vector, v: Vector, foot_force: Vector
-    ) -> None:
-        p = r.condensed
-        part(r, p.input_lower, p.input_upper, p.inputs, True)
-
-    return stage

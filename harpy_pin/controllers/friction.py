@@ -40,14 +40,11 @@ from __future__ import annotations
 import numpy as np
 
 from harpy_pin import checks
-from harpy_pin.controllers.parameters import WholeBodyParameters
-from harpy_pin.controllers.stage import Stage
 from harpy_pin.controllers.tick import TaskTickRecord
 from harpy_pin.gaits.gait import GaitTargetRecord
 from harpy_pin.kernels import kernel
 from harpy_pin.model.entry import MAX_SAMPLE, all_possible
-from harpy_pin.model.record import RecordOf, Records, fields, make_record, sized
-from harpy_pin.model.robot import Robot
+from harpy_pin.model.record import RecordOf, Records, make_record, sized
 from harpy_pin.model.state import Vector
 
 LEAST_ESTIMATE = 0.03
@@ -181,16 +178,3 @@ def estimate_friction(
     else:
         update_friction(r.friction, foot_force, r.dynamics.foot_velocity, t.held)
     t.friction[:] = r.friction.estimate
-
-
-def friction_stage(robot: Robot, p: WholeBodyParameters) -> Stage | None:
-    """The estimate in a whole-body controller of a robot; None without one."""
-    if not p.estimate_friction:
-        return None
-    record = friction_record(assumed=p.limits.mu, feet=len(robot.feet), period=p.period)
-    return Stage(
-        name="friction",
-        memory=fields(record),
-        after_tasks=(estimate_friction,),
-        signals={"friction_estimate": ("estimate",)},
-    )

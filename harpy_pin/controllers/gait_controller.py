@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from harpy_pin.controllers.parameters import GovernedParameters, WholeBodyParameters
-from harpy_pin.controllers.tick import BAD_SAMPLE, TickRecord
+from harpy_pin.controllers.tick import BAD_SAMPLE, NO_OPTIMUM, TickRecord
 from harpy_pin.errors import InputError
 from harpy_pin.gaits.gait import LONGEST, Gait, GaitTarget, Unobserved, check_target, own_target
 from harpy_pin.kernels import Kernel, kernel
@@ -139,8 +139,8 @@ class GaitController(KeepsViews, ABC):
                     status = self._tick(state)
                 finally:
                     self._all = _python if self._in_python else self._first
-        if status == BAD_SAMPLE:
-            self._refuse_misfit(state)
+        if status >= NO_OPTIMUM:
+            self._tell(status, state)
         return self._command
 
     def _tick(self, state: State) -> int:
@@ -213,6 +213,11 @@ class GaitController(KeepsViews, ABC):
             return None
         record, target = self._record_, self.target._record_
         return *calls, Call(self._step, record, target, *self._measured(state), *self._parts)
+
+    def _tell(self, status: int, state: State) -> None:
+        """Say what the user can do about a tick without an optimum."""
+        if status == BAD_SAMPLE:
+            self._refuse_misfit(state)
 
     def _refuse_misfit(self, state: State) -> None:
         """Raise where a sample was no bad one, but one of another robot, or the gait's targets are

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from harpy_pin import checks
-from harpy_pin.controllers.friction import friction_stage
+from harpy_pin.controllers.friction import estimate_friction, friction_record
 from harpy_pin.controllers.gait_controller import GaitController
 from harpy_pin.controllers.joint_targets import motors_stage
 from harpy_pin.controllers.parameters import WholeBodyParameters
@@ -25,6 +25,7 @@ from harpy_pin.gaits.gait import Gait
 from harpy_pin.kernels import Kernel
 from harpy_pin.model.dynamics import Dynamics, dynamics_record
 from harpy_pin.model.record import Records, field, fields, make_record
+from harpy_pin.model.robot import Robot
 from harpy_pin.wbc.weights import WholeBodyTargets, joint_weights, targets_record
 
 FEWEST_TICKS, FEWEST_ON_TWO = 8, 20
@@ -85,6 +86,19 @@ def tasks_record(
     )
 
 
+def _friction_stage(robot: Robot, p: WholeBodyParameters) -> Stage | None:
+    """The estimate in a whole-body controller of a robot; None without one."""
+    if not p.estimate_friction:
+        return None
+    record = friction_record(assumed=p.limits.mu, feet=len(robot.feet), period=p.period)
+    return Stage(
+        name="friction",
+        memory=fields(record),
+        after_tasks=(estimate_friction,),
+        signals={"friction_estimate": ("estimate",)},
+    )
+
+
 class TaskController(GaitController):
     """A whole-body controller.
 
@@ -119,7 +133,7 @@ class TaskController(GaitController):
             )
         modules = dict.fromkeys(NAMED_STAGES[name] for name in NAMED_STAGES if getattr(p, name))
         found = (
-            friction_stage(self.robot, p),
+            _friction_stage(self.robot, p),
             motors_stage(self.gait, p, self._set_law),
             *(import_module(module).make_stage(self.gait, p) for module in modules),
             *(checks.instance("stages", stage, Stage) for stage in stages),

@@ -28,6 +28,8 @@ FALLBACK = 8
 """Status: the program has no solution, or none was found: the last command is held, then the
 posture.
 """
+NO_OPTIMUM = 4
+"""Least status of a tick that has no optimum."""
 VIOLATED = 1
 """Status: the governor's constraint does not hold with the command given."""
 
