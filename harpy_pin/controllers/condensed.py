@@ -98,9 +98,9 @@ class CondensedController(TaskController):
             self._record_, self.target._record_, *self._measured(State(0.0, *self._sample))
         )
 
-    def _make_anew(self) -> None:
-        """See :meth:`GaitController._make_anew`."""
-        super()._make_anew()
+    def _rebuild(self) -> None:
+        """See :meth:`GaitController._rebuild`."""
+        super()._rebuild()
         optimum: Stages = find_optimum, take_optimum, write_thrust
         if around := [around_optimum(part) for part in self._kernels_of("around_optimum")]:
             *before, after = around

@@ -128,11 +128,11 @@ class GovernedController(GaitController):
         self._prepare()
         self.reset()
 
-    def _make_anew(self) -> None:
-        """See :meth:`GaitController._make_anew`: one kernel for this library's own governors, one
+    def _rebuild(self) -> None:
+        """See :meth:`GaitController._rebuild`: one kernel for this library's own governors, one
         at a time.
         """
-        super()._make_anew()
+        super()._rebuild()
         governor, force_filter = self._governor, self._force_filter
         steps = steps_of(self._actuate)
         self._step, self._parts, self._in_python = measure, (), True
@@ -173,7 +173,7 @@ class GovernedController(GaitController):
     @governor.setter
     def governor(self, governor: Governor | None) -> None:
         self._governor = governor
-        self._make_anew()
+        self._rebuild()
 
     @property
     def force_filter(self) -> ContactForceFilter | None:
@@ -281,7 +281,7 @@ class FrictionEstimator(KeepsViews):
 
     def __init__(self, *, assumed: float, feet: int = 2, period: float = 1e-3) -> None:
         self.record = friction_record(assumed=assumed, feet=feet, period=period)
-        self._first = self.record.copy()
+        self._initial = self.record.copy()
         self.estimate: Vector = field(self.record, "estimate")
         self.least: Vector = self.record["least"]
         self._feet = (len(self.estimate), 3)
@@ -291,7 +291,7 @@ class FrictionEstimator(KeepsViews):
 
     def reset(self) -> None:
         """Begin with what is assumed."""
-        self._record_[:] = self._first
+        self._record_[:] = self._initial
 
     def update(self, foot_force: Vector, foot_velocity: Vector, held: Vector) -> Vector:
         """Take one sample into account.

@@ -85,8 +85,8 @@ class WholeBodyController(TaskController):
             None without any.
     """
 
-    _made_anew = (
-        *TaskController._made_anew,
+    _rebuilt = (
+        *TaskController._rebuilt,
         *("_opening", "_kernels", "_close", "_program_parts", "_around"),
     )
     _program_parts: tuple[Records[Any], ...]  # records of the problem and its program
@@ -152,7 +152,7 @@ class WholeBodyController(TaskController):
             )
         self._other_active = np.zeros(len(program.lower), np.int64)
         self._second = None if isinstance(made, WarmStartedActiveSet) else DualActiveSet(program)
-        self._make_anew()
+        self._rebuild()
         record, sample = self._record_, self._measured(State(0.0, *self._sample))
         self._step.prepare(record, self.target._record_, *sample, *self._parts)
         if not self._in_python:
@@ -169,11 +169,11 @@ class WholeBodyController(TaskController):
         self._kernels.finish.prepare(record, *parts, *sample[:2])
         self._close.prepare(record, self.target._record_, *sample)
 
-    def _make_anew(self) -> None:
-        """See :meth:`GaitController._make_anew`: one kernel where nothing of the program is
+    def _rebuild(self) -> None:
+        """See :meth:`GaitController._rebuild`: one kernel where nothing of the program is
         Python's.
         """
-        super()._make_anew()
+        super()._rebuild()
         solver: Any = getattr(self, "_solver", None)
         if solver is None:
             return
