@@ -283,15 +283,17 @@ class WholeBodyController(TaskController):
         each begins with an active set of its own.
         """
         *before, after = self._around
-        record, solver = self._record_, self._solver
+        record, solver, usable = self._record_, self._solver, False
+        given = self._limits_and_inputs()
         for k, part in enumerate(before):
-            part(record, *self._limits_and_inputs(), self.solution.usable)
+            part(record, *given, usable)
             record["gives_way"] = k == 0 or record["program"] == GAVE_WAY
             if isinstance(solver, WarmStartedActiveSet):
                 solver._swap_active(self._other_active)
             self._build(state)
             self._solve_all()
-        after(record, *self._limits_and_inputs(), self.solution.usable)
+            usable = int(self._outcome) <= QPStatus.INACCURATE
+        after(record, *given, usable)
 
     def _limits_and_inputs(self) -> tuple[Vector, Vector, Vector]:
         """What kernels around the optimum take."""
