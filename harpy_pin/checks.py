@@ -21,6 +21,7 @@ _Kind = TypeVar("_Kind")
 
 MAX_TICKS = 10_000_000  # most ticks of a run, whose log is kept in memory
 MAX_FRICTION = 10.0  # coefficient of friction that no pair of materials comes near
+ORTHONORMAL = 1e-6  # largest error of R Rᵀ of a rotation
 
 
 def number(
@@ -261,6 +262,15 @@ def vector(name: str, value: ArrayLike, shape: int | tuple[int, ...]) -> NDArray
         raise InputError(
             f"{name} must be finite, got {shown(result.tolist())}", name=name, value=value
         )
+    return result
+
+
+def rotation(name: str, value: ArrayLike) -> NDArray[np.float64]:
+    """A rotation matrix (3, 3), to 1e-6."""
+    result = vector(name, value, (3, 3))
+    if np.abs(result @ result.T - np.eye(3)).max() > ORTHONORMAL or np.linalg.det(result) < 0.0:
+        message = f"{name} must be a rotation: orthonormal, of determinant 1; got"
+        raise InputError(f"{message} {shown(result.tolist())}", name=name, value=value)
     return result
 
 

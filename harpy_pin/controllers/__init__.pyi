@@ -11,6 +11,7 @@ from .named_controllers import (
     make_parameters,
 )
 from .parameters import GovernedParameters, JointGains, WholeBodyParameters
+from .stage import Stage
 from .whole_body import WholeBodyController
 
 __all__ = [
@@ -20,6 +21,7 @@ __all__ = [
     "GovernedController",
     "GovernedParameters",
     "JointGains",
+    "Stage",
     "WholeBodyController",
     "WholeBodyParameters",
     "make_controller",

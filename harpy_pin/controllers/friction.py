@@ -102,13 +102,6 @@ def friction_record(*, assumed: float, feet: int, period: float) -> Records[Fric
     )
 
 
-def forget_friction(record: Records[FrictionRecord]) -> None:
-    """Begin with what is assumed."""
-    record["estimate"] = record["least"] = record["assumed"]
-    for name in ("loaded", "samples", "proven", "velocity", "force", "sweep", "loss"):
-        record[name] = 0.0
-
-
 @kernel
 def update_friction(
     p: FrictionRecord, foot_force: Vector, foot_velocity: Vector, held: Vector

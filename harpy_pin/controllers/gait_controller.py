@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from harpy_pin.controllers.parameters import GovernedParameters, WholeBodyParameters
-from harpy_pin.controllers.tick import BAD_SAMPLE, TickRecord
+from harpy_pin.controllers.tick import BAD_SAMPLE, NO_OPTIMUM, TickRecord
 from harpy_pin.errors import InputError
 from harpy_pin.gaits.gait import LONGEST, Gait, GaitTarget, Unobserved, check_target, own_target
 from harpy_pin.kernels import Kernel, kernel
@@ -65,7 +65,9 @@ class GaitController(KeepsViews, ABC):
 
     measured: ClassVar[tuple[str, ...]] = ("q", "v", "foot_force")
     """Measurements of a state, in the order of the kernel's arguments."""
-    _made_anew: ClassVar[tuple[str, ...]] = ("_step", "_parts", "_all", "_first", "_take", "_lock")
+    _rebuilt: ClassVar[tuple[str, ...]] = (
+        *("_step", "_parts", "_entry", "_joined", "_accept", "_lock"),
+    )
     _measured: ClassVar[attrgetter[tuple[Vector, ...]]] = attrgetter(*measured)
     _step: Kernel[int]  # of a tick up to what is Python: record, targets, sample, further parts
     _parts: tuple[NDArray[Any], ...] = ()
@@ -99,15 +101,15 @@ class GaitController(KeepsViews, ABC):
         q, v = self.gait.initial_state()
         self._sample = (q.copy(), v.copy(), *np.zeros((3, len(self.robot.feet), 3)))
         self._nothing = self._measured(State(0.0, np.full(q.shape, np.nan), *self._sample[1:]))
-        self._make_anew()
+        self._rebuild()
 
     @abstractmethod
-    def _make_anew(self) -> None:
+    def _rebuild(self) -> None:
         """Choose the kernel of the tick, :attr:`_step`."""
         self._lock = RLock()
-        self._all: Tick = _python  # of a state in one crossing from Python: the whole tick,
-        self._first: Tick = _python  # gait and kernel,
-        self._take: Tick = _python  # or only the sample, whose types and shapes are checked
+        self._entry: Tick = _python  # of a state in one crossing from Python: the whole tick,
+        self._joined: Tick = _python  # gait and kernel,
+        self._accept: Tick = _python  # or only the sample, whose types and shapes are checked
 
     def __repr__(self) -> str:
         gait = type(self.gait).__name__
@@ -131,28 +133,28 @@ class GaitController(KeepsViews, ABC):
         Raises:
             InputError: an array of the state has the wrong shape, or no numbers.
         """
-        status = self._all(state)
+        status = self._entry(state)
         if status is None:  # it is not as C takes it, or Python takes part
             with self._lock:
-                self._all = _python  # so that other threads wait here
+                self._entry = _python  # so that other threads wait here
                 try:
                     status = self._tick(state)
                 finally:
-                    self._all = _python if self._in_python else self._first
-        if status == BAD_SAMPLE:
-            self._refuse_misfit(state)
+                    self._entry = _python if self._in_python else self._joined
+        if status >= NO_OPTIMUM:
+            self._tell(status, state)
         return self._command
 
     def _tick(self, state: State) -> int:
         """One tick, a stage after the other: the sample, the gait, then everything else."""
-        status = self._first(state)
-        if status is None and self._take(state) is None:
+        status = self._joined(state)
+        if status is None and self._accept(state) is None:
             state = as_state(state, self.robot)
-            status = self._first(state)
+            status = self._joined(state)
         if status is None:
             sample = self._plan(state)
             status = self._step(self._record_, self.target._record_, *sample, *self._parts)
-            if self._take is _python and sample is not self._nothing:  # the gait has begun
+            if self._accept is _python and sample is not self._nothing:  # the gait has begun
                 self._join()
         return self._go_on(status, state) if self._in_python else status
 
@@ -179,13 +181,13 @@ class GaitController(KeepsViews, ABC):
         """Join gait and kernel, so that one crossing from Python calls both."""
         state = State(0.0, *self._sample)
         memory = {name: getattr(state, name) for name in (*self.measured, *_FEET)}
-        self._take = Chain((), memory, longest=LONGEST)
+        self._accept = Chain((), memory, longest=LONGEST)
         calls = self._calls(state)
         others = [memory.pop(name) for name in _FEET if name not in self.measured]
         if calls is not None and not any(  # else the gait takes more of a state than the controller
             one is array for call in calls for one in call.arguments for array in others
         ):
-            self._first = Chain(calls, memory, longest=LONGEST)
+            self._joined = Chain(calls, memory, longest=LONGEST)
 
     def telemetry(self) -> Mapping[str, ArrayLike]:
         """Signals of the last tick, by name: those of the controller, then those of its gait."""
@@ -213,6 +215,11 @@ class GaitController(KeepsViews, ABC):
             return None
         record, target = self._record_, self.target._record_
         return *calls, Call(self._step, record, target, *self._measured(state), *self._parts)
+
+    def _tell(self, status: int, state: State) -> None:
+        """Say what the user can do about a tick without an optimum."""
+        if status == BAD_SAMPLE:
+            self._refuse_misfit(state)
 
     def _refuse_misfit(self, state: State) -> None:
         """Raise where a sample was no bad one, but one of another robot, or the gait's targets are

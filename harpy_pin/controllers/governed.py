@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import asdict
+from importlib import import_module
 from operator import attrgetter
 from typing import Any
 
@@ -14,16 +15,16 @@ from numpy.typing import ArrayLike
 
 from harpy_pin import checks
 from harpy_pin.arguments import checked
-from harpy_pin.controllers.feedforward import (
-    FORWARD_STEPS,
-    ForwardTickRecord,
-    actuate_forward,
-    forward_record,
-)
-from harpy_pin.controllers.friction import forget_friction, friction_record, update_friction
+from harpy_pin.controllers.friction import FrictionRecord, friction_record, update_friction
 from harpy_pin.controllers.gait_controller import GaitController
-from harpy_pin.controllers.governed_tick import STEPS, actuate, control_record, limit_bent, measure
-from harpy_pin.controllers.parameters import GovernedParameters
+from harpy_pin.controllers.governed_tick import (
+    actuate,
+    control_record,
+    limit_bent,
+    measure,
+    steps_of,
+)
+from harpy_pin.controllers.parameters import LEGS, GovernedParameters
 from harpy_pin.controllers.tick import BAD_SAMPLE
 from harpy_pin.errors import InputError
 from harpy_pin.gaits.gait import Gait
@@ -34,7 +35,7 @@ from harpy_pin.governors.rows import ForceRows
 from harpy_pin.ground.contact_frame import in_contact_frames
 from harpy_pin.model.entry import GOOD, as_array
 from harpy_pin.model.memory import KeepsViews, fixed_arrays
-from harpy_pin.model.record import field
+from harpy_pin.model.record import Records, field, fields, make_record
 from harpy_pin.model.state import State, Vector
 
 
@@ -73,7 +74,6 @@ class GovernedController(GaitController):
             gait, or the friction is to be estimated and no governor takes it.
     """
 
-    _made_anew = (*GaitController._made_anew, "_actuate")
     parameters: GovernedParameters
     _applied_: Vector
     _reference_: Vector
@@ -106,12 +106,10 @@ class GovernedController(GaitController):
             self.friction = FrictionEstimator(
                 assumed=assumed, feet=len(self.robot.feet), period=p.period
             )
-        if p.legs == "feedforward":
-            record = control_record(
-                p, self.robot, ForwardTickRecord, forward=forward_record(self.gait, p.feedforward)
-            )
-        else:
-            record = control_record(p, self.robot)
+        record, self._actuate = control_record(p, self.robot), actuate
+        if module := LEGS[p.legs]:
+            self._actuate, parts = import_module(module).make_legs(self.gait, p)
+            record = make_record(None, **fields(record), **parts)
         self._begin(record)
         self.reference: Vector = field(record, "reference")
         self.applied: Vector = self.reference if governor is None else governor.applied
@@ -130,15 +128,13 @@ class GovernedController(GaitController):
         self._prepare()
         self.reset()
 
-    def _make_anew(self) -> None:
-        """See :meth:`GaitController._make_anew`: one kernel for this library's own governors, one
+    def _rebuild(self) -> None:
+        """See :meth:`GaitController._rebuild`: one kernel for this library's own governors, one
         at a time.
         """
-        super()._make_anew()
+        super()._rebuild()
         governor, force_filter = self._governor, self._force_filter
-        forward = self.parameters.legs == "feedforward"
-        self._actuate = actuate_forward if forward else actuate
-        steps = FORWARD_STEPS if forward else STEPS
+        steps = steps_of(self._actuate)
         self._step, self._parts, self._in_python = measure, (), True
         if self.friction is not None:
             return
@@ -177,7 +173,7 @@ class GovernedController(GaitController):
     @governor.setter
     def governor(self, governor: Governor | None) -> None:
         self._governor = governor
-        self._make_anew()
+        self._rebuild()
 
     @property
     def force_filter(self) -> ContactForceFilter | None:
@@ -281,19 +277,21 @@ class FrictionEstimator(KeepsViews):
         InputError: a number out of its domain.
     """
 
+    _record_: Records[FrictionRecord]
+
     def __init__(self, *, assumed: float, feet: int = 2, period: float = 1e-3) -> None:
         self.record = friction_record(assumed=assumed, feet=feet, period=period)
+        self._initial = self.record.copy()
         self.estimate: Vector = field(self.record, "estimate")
         self.least: Vector = self.record["least"]
         self._feet = (len(self.estimate), 3)
         update_friction.prepare(
             self.record, np.zeros(self._feet), np.zeros(self._feet), np.zeros(self._feet[0])
         )
-        self.reset()
 
     def reset(self) -> None:
         """Begin with what is assumed."""
-        forget_friction(self.record)
+        self._record_[:] = self._initial
 
     def update(self, foot_force: Vector, foot_velocity: Vector, held: Vector) -> Vector:
         """Take one sample into account.

@@ -4,8 +4,9 @@ each governor.
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
-from numpy.typing import ArrayLike
 
 from harpy_pin.controllers.parameters import GovernedParameters
 from harpy_pin.controllers.tasks import possible_feet
@@ -74,18 +75,13 @@ class ControlRecord(CentreGainsRecord, TickRecord):
     right: LegRecord  # of the right one
 
 
-def control_record(
-    parameters: GovernedParameters,
-    robot: Robot,
-    kind: type[ControlRecord] = ControlRecord,
-    **parts: ArrayLike,
-) -> Records[ControlRecord]:
-    """A new :class:`ControlRecord`, or one of another ``kind`` with further parts."""
+def control_record(parameters: GovernedParameters, robot: Robot) -> Records[ControlRecord]:
+    """A new :class:`ControlRecord`."""
     p, joints = parameters, parameters.joints
     left, right = (LegGeometry.from_robot(robot, foot).record for foot in robot.feet)
     limit = robot.thrust_limit if p.limits else np.inf
     return make_record(
-        kind,
+        ControlRecord,
         robot.sizes,
         period=p.period,
         reference_velocity=p.reference_velocity,
@@ -100,7 +96,6 @@ def control_record(
         left=left,
         right=right,
         **fields(p.centre.record),
-        **parts,
     )
 
 
@@ -258,6 +253,7 @@ def limit_bent(p: ControlRecord, applied: Vector, bend: Vector) -> None:
     limit_thrust(p.thrust, p.thrust_limit)
 
 
+@cache
 def steps_of(actuate: Kernel[None]) -> dict[str, Kernel[int]]:
     """The kernels of a tick by governor, with a kernel that writes the command of an applied
     reference.
@@ -327,7 +323,3 @@ def steps_of(actuate: Kernel[None]) -> dict[str, Kernel[int]]:
         return VIOLATED if excess > 0.0 else 0
 
     return {"none": plain_step, "paper": paper_step, "filter": contact_step}
-
-
-STEPS = steps_of(actuate)
-"""Kernels of a tick with the paper's joint PID, by governor."""

@@ -42,15 +42,16 @@ import numpy as np
 
 from harpy_pin.controllers.condensed_tick import CondensedTickRecord
 from harpy_pin.controllers.parameters import WholeBodyParameters
+from harpy_pin.controllers.stage import Stage
 from harpy_pin.controllers.tick import TaskTickRecord
 from harpy_pin.errors import InputError
-from harpy_pin.gaits.gait import GaitTargetRecord
+from harpy_pin.gaits.gait import Gait, GaitTargetRecord
 from harpy_pin.gaits.walking import WalkingParameters
 from harpy_pin.gaits.walking.build import build_of
-from harpy_pin.kernels import kernel
+from harpy_pin.kernels import Kernel, kernel
 from harpy_pin.model.entry import FADE, GOOD, HOLD_TICKS
 from harpy_pin.model.posed import free_inertia
-from harpy_pin.model.record import ZERO, RecordOf, Records, make_record, sized
+from harpy_pin.model.record import ZERO, RecordOf, Records, fields, make_record, sized
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
 from harpy_pin.wbc.condensed.solve import TORQUE_CLIPPED
@@ -118,6 +119,15 @@ def joint_targets_record(
         limit=p.limits.torque_scale * robot.torque_limit,
         moves=[[j in joints for joints in above] for j in robot.driven],
     )
+
+
+def motors_stage(gait: Gait, p: WholeBodyParameters, set_law: Kernel[None]) -> Stage | None:
+    """Joint targets in a controller whose kernel ``set_law`` closes its tick; None without them."""
+    record = joint_targets_record(gait.robot, p, gait.initial_state()[0])
+    if record is None:
+        return None
+    signals = {"joint_inertia_estimate": ("lacking", 0), "joint_damping_estimate": ("lacking", 1)}
+    return Stage(name="motors", memory=fields(record), closing=(set_law,), signals=signals)
 
 
 def _units(robot: Robot, posture: Vector) -> Vector:

@@ -15,9 +15,9 @@ from harpy_pin.wbc import FORMULATIONS, SOLVERS, WholeBodyLimits, WholeBodyWeigh
 
 Parameters = TypeVar("Parameters")
 
-LEGS = ("pid", "feedforward")
+LEGS: Mapping[str, str] = {"pid": "", "feedforward": "harpy_pin.contrib.feedforward"}
 """Control laws of the governed controller's legs: the paper's joint PID, or softer joints with
-feedforward torques.
+feedforward torques. Another one than the PID is in a module that is imported where it is asked for.
 """
 
 MAX_GAIN = 1e6
@@ -69,7 +69,7 @@ class JointGains:
 
 @dataclass(frozen=True, kw_only=True)
 class FeedforwardGains:
-    """Gains of :mod:`harpy_pin.controllers.feedforward`, for (hip frontal, hip sagittal, knee).
+    """Gains of :mod:`harpy_pin.contrib.feedforward`, for (hip frontal, hip sagittal, knee).
 
     In swing a gain acts on the inertia of a leg, in stance on a part of the body's, so each phase
     has its own. They were chosen among 48 sets on walks at friction 0.5 and 0.3 with 2 and 3 ms of
@@ -163,10 +163,10 @@ class WholeBodyParameters:
         estimate_friction: take a friction coefficient that is estimated while walking
             (:mod:`harpy_pin.controllers.friction`) where it is below that of the limits.
         estimate_joint_friction: take into account friction in the joints that the model lacks,
-            estimated while walking (:mod:`harpy_pin.controllers.joint_friction`).
+            estimated while walking (:mod:`harpy_pin.contrib.joint_friction`).
         thrust_lag: time constant with which thrusts follow their commands, s: the program has them
             as they are in each tick, and legs make up for the rest
-            (:mod:`harpy_pin.controllers.thrust_lag`).
+            (:mod:`harpy_pin.contrib.thrust_lag`).
         thrust_turning_lag: time constant with which their directions follow, s.
         joint_stiffness: of the motors about joint targets, k_p in units of m g l / 4, with m the
             robot's mass and l the length of its leg (:mod:`harpy_pin.controllers.joint_targets`).

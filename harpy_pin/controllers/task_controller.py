@@ -5,28 +5,27 @@ friction.
 from __future__ import annotations
 
 import warnings
-from typing import Any
+from collections.abc import Mapping, Sequence
+from importlib import import_module
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from harpy_pin import checks
-from harpy_pin.controllers.friction import estimate_friction, forget_friction, friction_record
+from harpy_pin.controllers.friction import estimate_friction, friction_record
 from harpy_pin.controllers.gait_controller import GaitController
-from harpy_pin.controllers.joint_friction import (
-    JointFrictionEstimateRecord,
-    estimate_joint_friction,
-    note_inputs,
-)
-from harpy_pin.controllers.joint_targets import joint_targets_record
+from harpy_pin.controllers.joint_targets import motors_stage
 from harpy_pin.controllers.parameters import WholeBodyParameters
+from harpy_pin.controllers.stage import Stage, Stages
 from harpy_pin.controllers.tasks import TaskSettingsRecord, TasksRecord, set_tasks
-from harpy_pin.controllers.thrust_lag import advance, thrust_lag_record
-from harpy_pin.controllers.tick import Stages, TaskTickRecord, write_torque
+from harpy_pin.controllers.tick import TaskTickRecord, write_torque
+from harpy_pin.errors import InputError
 from harpy_pin.gaits.gait import Gait
 from harpy_pin.kernels import Kernel
 from harpy_pin.model.dynamics import Dynamics, dynamics_record
 from harpy_pin.model.record import Records, field, fields, make_record
+from harpy_pin.model.robot import Robot
 from harpy_pin.wbc.weights import WholeBodyTargets, joint_weights, targets_record
 
 FEWEST_TICKS, FEWEST_ON_TWO = 8, 20
@@ -34,20 +33,14 @@ FEWEST_TICKS, FEWEST_ON_TWO = 8, 20
 the compliant plant, at any period.
 """
 
-_ESTIMATES: dict[str, tuple[Any, ...]] = {
-    "joint_inertia_estimate": ("motors", "lacking", 0),
-    "joint_damping_estimate": ("motors", "lacking", 1),
-    "friction_estimate": ("friction", "estimate"),
-    "viscous_estimate": ("joint_friction", "viscous"),
-    "coulomb_estimate": ("joint_friction", "coulomb"),
+NAMED_STAGES: Mapping[str, str] = {
+    "estimate_joint_friction": "harpy_pin.contrib.joint_friction",
+    "thrust_lag": "harpy_pin.contrib.thrust_lag",
+    "thrust_turning_lag": "harpy_pin.contrib.thrust_lag",
 }
-"""Signals by name: part of the record, its field, and a row of it."""
-_FORGOTTEN = {
-    "motors": ("follows", "lacking", "motion", "square"),
-    "joint_friction": ("known", "inputs", "sums", "viscous", "coulomb"),
-    "lag": ("settled",),
-}
-"""What a reset sets to zero, by part of the record."""
+"""Modules that are imported for the parameter that asks for their stage, the one of their
+``make_stage(gait, parameters)``; None where the robot needs none.
+"""
 
 
 def tasks_record(
@@ -93,6 +86,19 @@ def tasks_record(
     )
 
 
+def _friction_stage(robot: Robot, p: WholeBodyParameters) -> Stage | None:
+    """The estimate in a whole-body controller of a robot; None without one."""
+    if not p.estimate_friction:
+        return None
+    record = friction_record(assumed=p.limits.mu, feet=len(robot.feet), period=p.period)
+    return Stage(
+        name="friction",
+        memory=fields(record),
+        after_tasks=(estimate_friction,),
+        signals={"friction_estimate": ("estimate",)},
+    )
+
+
 class TaskController(GaitController):
     """A whole-body controller.
 
@@ -100,6 +106,7 @@ class TaskController(GaitController):
         gait: where body and feet should be.
         parameters: gains, weights and limits; by default those that fit gait and robot
             (:meth:`WholeBodyParameters.for_gait`).
+        stages: of a user's own.
 
     Attributes:
         dynamics: terms at the last state.
@@ -107,8 +114,11 @@ class TaskController(GaitController):
     """
 
     parameters: WholeBodyParameters
+    _set_law: ClassVar[Kernel[None]]  # of the motors
 
-    def __init__(self, gait: Gait, parameters: WholeBodyParameters | None) -> None:
+    def __init__(
+        self, gait: Gait, parameters: WholeBodyParameters | None, stages: Sequence[Stage]
+    ) -> None:
         p = parameters if parameters is not None else WholeBodyParameters.for_gait(gait)
         super().__init__(gait, p)
         self.gait.expect_lag(p.thrust_lag)
@@ -121,69 +131,54 @@ class TaskController(GaitController):
             warnings.warn(
                 f"{message} and may fall: take a period of {period:.2g} s at most", stacklevel=4
             )
+        modules = dict.fromkeys(NAMED_STAGES[name] for name in NAMED_STAGES if getattr(p, name))
+        found = (
+            _friction_stage(self.robot, p),
+            motors_stage(self.gait, p, self._set_law),
+            *(import_module(module).make_stage(self.gait, p) for module in modules),
+            *(checks.instance("stages", stage, Stage) for stage in stages),
+        )
+        self._stages = tuple(stage for stage in found if stage is not None)
+        if sum(bool(stage.around_optimum) for stage in self._stages) > 1:
+            raise InputError("one stage around the optimum at most", name="stages", value=stages)
 
     def _begin_tasks(self, kind: type[TaskTickRecord], **values: ArrayLike) -> None:
         """Make the record of the controller, of this class with these values, and take it up.
 
-        Behind its own fields it has those of the stages that not every tick has.
+        Behind its own fields it has the memory of the stages.
         """
-        robot, p = self.robot, self.parameters
-        lag = thrust_lag_record(robot, p)
-        parts = {
-            "friction": friction_record(assumed=p.limits.mu, feet=len(robot.feet), period=p.period)
-            if p.estimate_friction
-            else None,
-            "joint_friction": make_record(JointFrictionEstimateRecord, robot.sizes, period=p.period)
-            if p.estimate_joint_friction
-            else None,
-            "lag": lag,
-            "motors": joint_targets_record(robot, p, self.gait.initial_state()[0]),
-        }
-        apart = np.int64(lag is not None or bool(robot.rotors))
-        own = tasks_record(self.gait, p, kind, apart=apart, **values)
-        given = {name: part for name, part in parts.items() if part is not None}
-        record: Any = make_record(None, **fields(own), **given)
+        robot = self.robot
+        apart = np.int64(bool(self._kernels_of("around_optimum") or robot.rotors))
+        parts = fields(tasks_record(self.gait, self.parameters, kind, apart=apart, **values))
+        for stage in self._stages:
+            if stage.name in parts:
+                message = f"'{stage.name}' is a name that the controller's record has"
+                raise InputError(message, name="stages", value=stage)
+            parts[stage.name] = stage.record
+        record: Any = make_record(None, **parts)
         self.dynamics = Dynamics(robot, record=record["dynamics"])
         self.targets = WholeBodyTargets(robot, record=record["targets"])
         self._begin(record)
         self._signals["held"] = self.targets.held
-        for name, (part, estimate, *row) in _ESTIMATES.items():
-            if part in given:
-                self._signals[name] = field(record[part], estimate)[*row, ...]
+        for stage in self._stages:
+            for name, (entry, *index) in stage.signals.items():
+                self._signals[name] = field(record[stage.name], entry)[*index, ...]
 
-    def _has(self, part: str) -> bool:
-        """Whether a tick has the stages of a part."""
-        return part in (self._record_.dtype.names or ())
+    def _kernels_of(self, phase: str) -> Stages:
+        """Kernels of the stages in a phase of a tick."""
+        return tuple(part for stage in self._stages for part in getattr(stage, phase))
 
     def _before(self) -> Stages:
         """Stages between the sample and the optimum."""
-        return (
-            *((estimate_joint_friction,) if self._has("joint_friction") else ()),
-            set_tasks,
-            *((estimate_friction,) if self._has("friction") else ()),
-        )
+        return *self._kernels_of("before_tasks"), set_tasks, *self._kernels_of("after_tasks")
 
-    def _after(self) -> Stages:
-        """Stages after the optimum."""
-        return (note_inputs,) if self._has("joint_friction") else ()
-
-    def _closing(self, set_law: Kernel[None]) -> Stages:
-        """Stages that close a tick, with this one of the motors' law."""
-        return (
-            write_torque,
-            *((set_law,) if self._has("motors") else ()),
-            *((advance,) if self._has("lag") else ()),
-        )
+    def _closing(self) -> Stages:
+        """Stages that close a tick."""
+        return write_torque, *self._kernels_of("closing")
 
     def reset(self) -> None:
         """Forget the last command, and the estimates of friction."""
         super().reset()
         self._record_["inputs"] = 0
-        if self._command.law is not None:
-            self._command.law[:] = 0.0
-        for part, names in _FORGOTTEN.items():
-            for name in names if self._has(part) else ():
-                self._record_[part][name] = 0
-        if self._has("friction"):
-            friction: Any = self._record_["friction"]
-            forget_friction(friction)
+        for stage in self._stages:
+            self._record_[stage.name] = stage.record

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from functools import cache
 
+from harpy_pin.controllers.stage import Stages
 from harpy_pin.controllers.tasks import TasksRecord, measured_terms
 from harpy_pin.gaits.gait import GaitTargetRecord
 from harpy_pin.kernels import Kernel, kernel
@@ -27,6 +28,8 @@ FALLBACK = 8
 """Status: the program has no solution, or none was found: the last command is held, then the
 posture.
 """
+NO_OPTIMUM = 4
+"""Least status of a tick that has no optimum."""
 VIOLATED = 1
 """Status: the governor's constraint does not hold with the command given."""
 
@@ -89,9 +92,6 @@ def write_torque(
         r.inputs[first if r.apart else 0 :] *= factor
         r.thrust *= factor
     r.torque[:] = r.inputs[first:]
-
-
-Stages = tuple[Kernel[None], ...]
 
 
 @cache

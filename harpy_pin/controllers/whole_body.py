@@ -4,7 +4,7 @@ thrusts.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any
 
@@ -14,13 +14,8 @@ from numpy.typing import ArrayLike
 from harpy_pin import checks
 from harpy_pin.arguments import checked
 from harpy_pin.controllers.parameters import WholeBodyParameters
+from harpy_pin.controllers.stage import Stage, Stages
 from harpy_pin.controllers.task_controller import TaskController
-from harpy_pin.controllers.thrust_lag import (
-    command_thrusts,
-    fix_thrusts,
-    free_thrusts,
-    release_thrusts,
-)
 from harpy_pin.controllers.tick import BAD_SAMPLE, take_sample, tick_of
 from harpy_pin.controllers.whole_body_tick import (
     GAVE_WAY,
@@ -37,7 +32,7 @@ from harpy_pin.ground.contact_frame import turn_feet
 from harpy_pin.kernels import Kernel
 from harpy_pin.model.entry import as_state
 from harpy_pin.model.record import Records, field
-from harpy_pin.model.state import Command, State
+from harpy_pin.model.state import Command, State, Vector
 from harpy_pin.wbc import (
     AddedTask,
     AddedTasks,
@@ -81,6 +76,7 @@ class WholeBodyController(TaskController):
             (:meth:`WholeBodyParameters.for_gait`).
         solver: makes a solver of your own for the program, instead of the one that the parameters
             name.
+        stages: of your own, see :class:`Stage`.
 
     Attributes:
         problem: the whole-body problem of the last tick; its ``program`` is what is solved, unless
@@ -89,14 +85,15 @@ class WholeBodyController(TaskController):
             None without any.
     """
 
-    _made_anew = (
-        *TaskController._made_anew,
-        *("_opening", "_kernels", "_close", "_program_parts", "_program_stages"),
+    _rebuilt = (
+        *TaskController._rebuilt,
+        *("_opening", "_kernels", "_close", "_program_parts", "_around"),
     )
     _program_parts: tuple[Records[Any], ...]  # records of the problem and its program
     _opening: Kernel[int]  # of a tick, up to its tasks
     _close: Kernel[int]  # of a tick, from the inputs on
-    _program_stages: tuple[Callable[[State], None], ...] = ()  # of a tick between them, in Python
+    _around: Stages = ()  # kernels around the optimum
+    _set_law = set_program_law
     _fell_back = False  # whether the dual method followed the solver in this tick
 
     @checked
@@ -106,8 +103,9 @@ class WholeBodyController(TaskController):
         parameters: WholeBodyParameters | None = None,
         *,
         solver: Callable[[QuadraticProgram], QPSolver] | None = None,
+        stages: Sequence[Stage] = (),
     ) -> None:
-        super().__init__(gait, parameters)
+        super().__init__(gait, parameters, stages)
         p = self.parameters
         self.problem: WholeBodyProblem = make_problem(
             p.formulation, self.robot, p.weights, p.limits
@@ -154,7 +152,7 @@ class WholeBodyController(TaskController):
             )
         self._other_active = np.zeros(len(program.lower), np.int64)
         self._second = None if isinstance(made, WarmStartedActiveSet) else DualActiveSet(program)
-        self._make_anew()
+        self._rebuild()
         record, sample = self._record_, self._measured(State(0.0, *self._sample))
         self._step.prepare(record, self.target._record_, *sample, *self._parts)
         if not self._in_python:
@@ -163,40 +161,40 @@ class WholeBodyController(TaskController):
             if isinstance(solver, QPSolver):
                 solver.prepare(program)
         parts = self._program_parts
-        if self._has("lag"):
+        if self._around:
             self._kernels.build.prepare(record, *parts, sample[1])
+        for part in self._around:
+            part.prepare(record, *self._limits_and_inputs(), True)
         self._kernels.go_on.prepare(record, *parts)
         self._kernels.finish.prepare(record, *parts, *sample[:2])
         self._close.prepare(record, self.target._record_, *sample)
 
-    def _make_anew(self) -> None:
-        """See :meth:`GaitController._make_anew`: one kernel where nothing of the program is
+    def _rebuild(self) -> None:
+        """See :meth:`GaitController._rebuild`: one kernel where nothing of the program is
         Python's.
         """
-        super()._make_anew()
+        super()._rebuild()
         solver: Any = getattr(self, "_solver", None)
         if solver is None:
             return
-        formulation, lag = self.parameters.formulation, self._has("lag")
+        formulation = self.parameters.formulation
+        self._around = around = self._kernels_of("around_optimum")
         self._kernels, problem = PROGRAMS[formulation], self.problem
         self._program_parts = problem._record_, problem._terms_, problem.program._record_
         self._opening = tick_of((take_sample,), self._before(), ())
-        after = self._after() if lag else (*self._after(), write_solved_thrust)
-        self._close = tick_of((), after, self._closing(set_program_law))
-        # Rows of added tasks come from Python, and with a lag of thrusts a tick is two programs.
-        own = type(solver) is WarmStartedActiveSet and self.added is None and not lag
+        after = self._kernels_of("after_optimum") + (() if around else (write_solved_thrust,))
+        self._close = tick_of((), after, self._closing())
+        # Rows of added tasks come from Python, and kernels around the optimum make it several.
+        own = type(solver) is WarmStartedActiveSet and self.added is None and not around
         self._in_python = not own
         if own:
             self._step = program_tick(formulation, self._opening, self._close)
             self._parts = (*self._program_parts, solver._record_, solver.dual._record_)
-        elif lag:
+        elif around:
             self._step, self._parts = self._opening, ()
-            once = self._build, self._solve_all
-            self._program_stages = (self._free, *once, self._fix, *once, self._release)
         else:
             self._step = open_program(formulation, self._opening)
             self._parts = self._program_parts
-            self._program_stages = (self._add_rows, self._solve_all)
 
     @property
     def solution(self) -> QPSolution:
@@ -270,37 +268,36 @@ class WholeBodyController(TaskController):
     def _go_on(self, status: int, state: State) -> int:
         """The program, in whose solution Python takes part, then the command."""
         if status != BAD_SAMPLE:
-            for stage in self._program_stages:
-                stage(state)
+            if self._around:
+                self._solve_several(state)
+            else:
+                self._add_rows(state)
+                self._solve_all()
             self._finish(state)
         return self._close(self._record_, self.target._record_, *self._measured(state))
 
-    def _free(self, _: State) -> None:
-        """Before the first of two programs: thrusts that lag are free."""
-        free_thrusts(self._record_["lag"], self.dynamics._record_, *self.problem.thrust_bounds)
-        self._record_["gives_way"] = 1
-        self._swap_active()
+    def _solve_several(self, state: State) -> None:
+        """The optimum as often as a stage asks for, with its kernels around it.
 
-    def _fix(self, _: State) -> None:
-        """Between both: command the thrusts of the first solution, and fix those of this tick.
-
-        Both share the solution without limits, so that tasks give way in both or in none.
+        All share the solution without limits, so that tasks give way in each or in none. Of two,
+        each begins with an active set of its own.
         """
-        lag, record = self._record_["lag"], self._record_
-        if self.solution.usable:
-            command_thrusts(lag, self.dynamics._record_, self._solved, self._command._thrust_)
-        fix_thrusts(lag, *self.problem.thrust_bounds)
-        record["gives_way"] = record["program"] == GAVE_WAY
-        self._swap_active()
+        *before, after = self._around
+        record, solver, usable = self._record_, self._solver, False
+        given = self._limits_and_inputs()
+        for k, part in enumerate(before):
+            part(record, *given, usable)
+            record["gives_way"] = k == 0 or record["program"] == GAVE_WAY
+            if isinstance(solver, WarmStartedActiveSet):
+                solver._swap_active(self._other_active)
+            self._build(state)
+            self._solve_all()
+            usable = int(self._outcome) <= QPStatus.INACCURATE
+        after(record, *given, usable)
 
-    def _release(self, _: State) -> None:
-        """After the second one."""
-        release_thrusts(self._record_["lag"], self.dynamics._record_, self._solved)
-
-    def _swap_active(self) -> None:
-        """Take up the active set of the other one of both."""
-        if isinstance(self._solver, WarmStartedActiveSet):
-            self._solver._swap_active(self._other_active)
+    def _limits_and_inputs(self) -> tuple[Vector, Vector, Vector]:
+        """What kernels around the optimum take."""
+        return *self.problem.thrust_bounds, self._solved
 
     def prepare(self, state: State) -> None:
         """Targets of the gait; the robot's dynamics, tasks and contact states.
@@ -349,10 +346,10 @@ class WholeBodyController(TaskController):
 
     def solve(self) -> QPSolution:
         """Solve the problem from the last tick's solution."""
-        self._solve_all(None)
+        self._solve_all()
         return self.solution
 
-    def _solve_all(self, _: State | None) -> None:
+    def _solve_all(self) -> None:
         """The programs of a tick, by a solver that may be Python's."""
         self._solve_once(further=False)
         while self._kernels.go_on(self._record_, *self._program_parts):

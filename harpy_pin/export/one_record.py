@@ -7,12 +7,13 @@ from __future__ import annotations
 from functools import cache
 from typing import Any
 
-from harpy_pin.controllers.governed_tick import STEPS
+from harpy_pin.controllers.governed_tick import actuate, steps_of
 from harpy_pin.gaits.gait import GaitTargetRecord
 from harpy_pin.kernels import Kernel, kernel
 from harpy_pin.model.state import Vector
 
-_PAPER, _CONTACT = STEPS["paper"], STEPS["filter"]
+_STEPS = steps_of(actuate)
+_PAPER, _CONTACT = _STEPS["paper"], _STEPS["filter"]
 
 
 @kernel

@@ -109,7 +109,10 @@ class Plan:
         if not (span > 0.0).all():
             raise InputError("the times of a plan must increase", name="times", value=times)
         self.feet = feet = (np.shape(contact) or (0,))[-1]
-        self.contact = _rows("contact", contact, n, (feet,), held=True) > 0.5
+        held = _rows("contact", contact, n, (feet,), held=True)
+        if not ((held == 0.0) | (held == 1.0)).all():
+            raise InputError("contact must be 0 or 1 of each foot", name="contact", value=contact)
+        self.contact = held == 1.0
         self.force = _rows("force", np.zeros((feet, 3)) if force is None else force, n, (feet, 3))
         self.position = _rows("position", position, n, (3,), held=False)
         if velocity is None:

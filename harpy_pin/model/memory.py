@@ -145,10 +145,10 @@ class KeepsViews:
     """
 
     __slots__ = ()
-    _made_anew: ClassVar[tuple[str, ...]] = ()
-    """Attributes that a copy makes for itself, in :meth:`_make_anew`."""
+    _rebuilt: ClassVar[tuple[str, ...]] = ()
+    """Attributes that a copy makes for itself, in :meth:`_rebuild`."""
 
-    def _make_anew(self) -> None:
+    def _rebuild(self) -> None:
         """Make what is not copied."""
 
     def __copy__(self) -> Self:
@@ -162,13 +162,13 @@ class KeepsViews:
             if name != "__weakref__" and hasattr(self, name)
         }
         state |= getattr(self, "__dict__", {})
-        kept = {name: _packed(state[name]) for name in state.keys() - {*self._made_anew}}
+        kept = {name: _packed(state[name]) for name in state.keys() - {*self._rebuilt}}
         return object.__new__, (type(self),), kept
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         for name, value in state.items():
             object.__setattr__(self, name, value)
-        self._make_anew()
+        self._rebuild()
 
 
 class _Part:

@@ -69,7 +69,7 @@ def problem_values(
     torque, (lower, upper) = limits.torque_scale * robot.torque_limit, thrust_box(robot, limits)
     joints = [getattr(weights, name) for name in joint_weights(robot)]
     return {
-        **{f"w_{name}": value for name, value in asdict(weights).items()},
+        **{f"w_{name}": getattr(weights, name) for name in ("body", "swing", "thrust", "force")},
         **{
             name: getattr(limits, name)
             for name in ("give_way", "pyramid", "mu", "friction_share", "inscribed")
@@ -178,15 +178,8 @@ class WholeBodyProblem(KeepsViews):
             InputError: terms or targets of another robot, or an array of another shape.
         """
         check_terms(self.robot, dynamics, targets)
-        self._fill(
-            dynamics, as_array("v", v, (self.nv,)), as_array("rotation", rotation, (3, 3)), targets
-        )
-
-    def _fill(
-        self, dynamics: Dynamics, v: Vector, rotation: Vector, targets: WholeBodyTargets
-    ) -> None:
-        """As :meth:`build`, of arguments that were checked: for controllers, in every tick."""
-        self.kernels.build(*self._records(dynamics, targets), v, rotation)
+        sample = as_array("v", v, (self.nv,)), as_array("rotation", rotation, (3, 3))
+        self.kernels.build(*self._records(dynamics, targets), *sample)
 
     def _records(self, dynamics: Dynamics, targets: WholeBodyTargets) -> tuple[Records[Any], ...]:
         """What the kernels take first."""

@@ -1,4 +1,4 @@
-"""Every solver by its name behind one small interface; DAQP is optional to install."""
+"""Every solver by its name behind one small interface."""
 
 from __future__ import annotations
 
@@ -36,9 +36,9 @@ class PackageSolver(QPSolver):
 
     def __init__(self, program: QuadraticProgram) -> None:
         super().__init__(program)
-        self._make_anew()
+        self._rebuild()
 
-    def _make_anew(self) -> None:
+    def _rebuild(self) -> None:
         type(self).library = import_module(self.package)
 
     def reset(self) -> None:
@@ -129,7 +129,7 @@ class ProxQPSolver(PackageSolver):
             both together.
     """
 
-    _made_anew = ("_qp",)
+    _rebuilt = ("_qp",)
     name: ClassVar[str] = "proxqp"
     package: ClassVar[str] = "proxsuite"
     _record_: Records[ScaledProgramRecord]
@@ -157,11 +157,11 @@ class ProxQPSolver(PackageSolver):
         self._objective = tuple(field(self._record_, name) for name in ("hessian", "gradient"))
         self._rows = tuple(field(self._record_, name) for name in ("inequality", "lower", "upper"))
 
-    def _make_anew(self) -> None:
+    def _rebuild(self) -> None:
         """A new object, which starts cold: a copy of ProxQP's own lacks its work space, and
         crashes.
         """
-        super()._make_anew()
+        super()._rebuild()
         proxqp, dense = self.library.proxqp, self.library.proxqp.dense
         self._qp = dense.QP(*self._shape, dense_backend=dense.DenseBackend.PrimalDualLDLT)
         settings, (tolerance, gap, *most) = self._qp.settings, self._settings
@@ -207,51 +207,13 @@ class ProxQPSolver(PackageSolver):
         )
 
 
-class DAQPSolver(PackageSolver):
-    """DAQP, a dual active-set method: few constraints are active, and finding them is faster than a
-    warm start.
-    """
-
-    name: ClassVar[str] = "daqp"
-    package: ClassVar[str] = "daqp"
-
-    def __init__(self, program: QuadraticProgram) -> None:
-        super().__init__(program)
-        n, n_eq, rows = program.shape
-        self._sense = np.zeros(rows + n_eq, dtype=np.int32)
-        self._sense[rows:] = 5  # equalities
-        self._rows = np.zeros((rows - program.bounded + n_eq, n))
-        self._lower, self._upper = np.zeros(rows + n_eq), np.zeros(rows + n_eq)
-
-    def _solve(self, program: QuadraticProgram) -> QPStatus:
-        p = program
-        if len(p.equality_value):
-            rows, general = len(p.lower), len(p.lower) - p.bounded
-            self._rows[:general], self._rows[general:] = p.inequality[p.bounded :], p.equality
-            self._lower[:rows], self._lower[rows:] = p.lower, p.equality_value
-            self._upper[:rows], self._upper[rows:] = p.upper, p.equality_value
-            problem = (self._rows, self._upper, self._lower)
-        else:
-            problem = (p.inequality[p.bounded :], p.upper, p.lower)
-        # Ticks of walks need tens of iterations.
-        z, _, flag, info = self.library.solve(
-            p.hessian, p.gradient, *problem, self._sense.copy(), iter_limit=1000
-        )
-        self.solution.z[:], self.solution.iterations = z, int(info["iterations"])
-        return (
-            QPStatus.SOLVED
-            if flag > 0
-            else (QPStatus.MAX_ITERATIONS if flag == -4 else QPStatus.INFEASIBLE)
-        )
-
-
-SOLVERS: dict[str, type[QPSolver]] = {
+SOLVERS: dict[str, type[QPSolver] | None] = {
     "proxqp": ProxQPSolver,
     "active_set": WarmStartedActiveSet,
-    "daqp": DAQPSolver,
+    **dict.fromkeys(("daqp", "piqp", "osqp", "clarabel", "quadprog")),
 }
-"""Class of each solver; ``active_set`` is this library's own search.
-:mod:`harpy_pin.contrib.solvers` adds others when it is imported.
+"""Class of each solver; ``active_set`` is this library's own search. None stands for those of
+:mod:`harpy_pin.contrib.solvers`, which is imported where one is asked for.
 """
 
 
@@ -268,8 +230,10 @@ def make_solver(name: str, program: QuadraticProgram) -> QPSolver:
     """
     checks.one_of("solver", name, SOLVERS)
     try:
-        return SOLVERS[name](program)
+        kind = SOLVERS[name] or import_module("harpy_pin.contrib.solvers").SOLVERS[name]
+        solver: QPSolver = kind(program)
     except ImportError as error:
         raise InputError(
             f"no {name} ({error}): {install_line('compare')}", name="solver", value=name
         ) from error
+    return solver

@@ -18,10 +18,7 @@ class ProblemRecord(RecordOf):
     """
 
     w_body: float
-    w_orientation: float
     w_swing: float
-    w_posture: float
-    w_arms: float
     w_thrust: float
     w_force: float
     w_motion: Vector  # (nv,) weight of each entry of the generalised acceleration

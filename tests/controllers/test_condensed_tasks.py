@@ -141,9 +141,24 @@ def test_what_is_refused_changes_nothing(gait, robot):
     ):
         with pytest.raises(hp.InputError, match=says):
             controller.add(bad, weight=weight)
+    with pytest.raises(hp.InputError, match=r"a range .* whole-body QP"):
+        controller.add(hp.CentreOfMassTask(), weight=1.0, lower=-1.0)
     assert [*map(type, controller.added)] == [hp.JointTask]
     for state in along:
         np.testing.assert_array_equal(controller.step(state).torque, same.step(state).torque)
+
+
+def test_a_reference_that_is_no_number_is_said(gait):
+    along = states(gait, "condensed", 0.2)[::20]
+    controller, task = hp.make_controller("condensed", gait, mu=0.6), hp.CentreOfMassTask()
+    controller.add(task, weight=1e-3)
+    controller.step(along[0])
+    task.acceleration[1] = np.nan
+    with pytest.warns(UserWarning, match="reference of a CentreOfMassTask is not finite"):
+        controller.step(along[1])
+    task.acceleration[1] = 0.0
+    controller.step(along[2])
+    assert controller.solver.status == 0
 
 
 def test_a_weight_may_be_changed_in_place(gait):

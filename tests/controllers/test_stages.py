@@ -2,14 +2,24 @@
 
 from __future__ import annotations
 
+import copy
+
 import numpy as np
 import pytest
 from random_states import draw
 
 import harpy_pin as hp
+from harpy_pin.controllers import (
+    CondensedController,
+    Stage,
+    WholeBodyController,
+    WholeBodyParameters,
+)
+from harpy_pin.controllers.task_controller import TaskController
 from harpy_pin.errors import KernelError
 from harpy_pin.kernels import Kernel, kernel
 from harpy_pin.kernels.source import fingerprint
+from harpy_pin.wbc.weights import thrust_box
 
 ROBOT = hp.load_harpy()
 
@@ -140,3 +150,112 @@ def test_estimates_stay_where_the_targets_are_bad(name):
     assert (found[19] > 0.0).any()
     np.testing.assert_array_equal(found[20], found[19])
     assert (found[21] != found[20]).any()
+
+
+def mark(index: int) -> Kernel:
+    """A kernel that notes when it was called."""
+
+    @kernel
+    def note(r, target, q, v, foot_force):
+        r.own.count += 1.0
+        r.own.order[index] = r.own.count
+
+    return note
+
+
+@kernel
+def begin(r, lower, upper, inputs, usable):
+    r.own.solved = 0.0
+    r.own.widest = np.max(upper - lower)
+
+
+@kernel
+def between(r, lower, upper, inputs, usable):
+    r.own.solved += 1.0 if usable else 0.0
+    r.own.torque[:] = inputs[inputs.shape[0] - r.own.torque.shape[0] :]
+
+
+PHASES = ("before_tasks", "after_tasks", "after_optimum", "closing")
+WHO = [("condensed", {}), ("wbc", {"solver": "active_set"}), ("wbc", {})]
+
+
+def with_stage(name: str, settings: dict, *stages: Stage) -> TaskController:
+    kind = CondensedController if name == "condensed" else WholeBodyController
+    gait = hp.make_gait(ROBOT)
+    return kind(gait, WholeBodyParameters.for_gait(gait, **settings), stages=stages)
+
+
+def standing() -> hp.State:
+    q, v = hp.make_gait(ROBOT).initial_state()
+    force = np.full((2, 3), (0.0, 0.0, 4.9 * ROBOT.mass))
+    return hp.State(0.0, q, v, *np.zeros((2, 2, 3)), force)
+
+
+@pytest.mark.parametrize(("name", "settings"), WHO, ids=str)
+def test_a_stage_of_ones_own(name, settings):
+    """Its kernels are called in their order, after a bad sample the closing ones alone; a reset
+    gives its memory back.
+    """
+    stage = Stage(
+        name="own",
+        memory={"count": 0.0, "order": np.zeros(4)},
+        signals={"order": ("order",), "last": ("order", 3)},
+        **{phase: (mark(k),) for k, phase in enumerate(PHASES)},
+    )
+    plain = with_stage(name, settings)
+    controller, state = with_stage(name, settings, stage), standing()
+    command, expected = controller.step(state), plain.step(state)
+    np.testing.assert_array_equal(command.torque, expected.torque)
+    np.testing.assert_array_equal(controller.telemetry()["order"], (1, 2, 3, 4))
+    other = copy.deepcopy(controller)
+    state.q[0] = np.nan
+    controller.step(state)
+    np.testing.assert_array_equal(controller.telemetry()["order"], (1, 2, 3, 5))
+    assert controller.telemetry()["last"] == 5
+    assert other.telemetry()["last"] == 4
+    controller.reset()
+    np.testing.assert_array_equal(controller.telemetry()["order"], 0.0)
+
+
+@pytest.mark.parametrize(("name", "settings"), WHO, ids=str)
+def test_a_stage_around_the_optimum(name, settings):
+    """Found twice with the same limits it is the same optimum, and the thrusts are the stage's."""
+    stage = Stage(
+        name="own",
+        memory={"solved": 0.0, "widest": 0.0, "torque": np.zeros(6)},
+        around_optimum=(begin, between, between),
+        signals={"solved": ("solved",), "widest": ("widest",), "found": ("torque",)},
+    )
+    controller, state = with_stage(name, settings, stage), standing()
+    torque = with_stage(name, settings).step(state).torque
+    command, signals = controller.step(state), controller.telemetry()
+    assert signals["solved"] == 2.0
+    lower, upper = thrust_box(ROBOT, controller.parameters.limits)
+    assert signals["widest"] == max((upper - lower).max(), 2.0 * ROBOT.torque_limit.max())
+    np.testing.assert_allclose(command.torque, torque, atol=1e-9 if name == "condensed" else 1e-3)
+    np.testing.assert_array_equal(signals["found"], command.torque)
+    np.testing.assert_array_equal(command.thrust, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "message"),
+    [
+        ({"name": "two words"}, "a Python name"),
+        ({"name": "targets"}, "has"),
+        ({"memory": {"x": "a"}}, "numbers and arrays"),
+        ({"closing": (print,)}, "kernels in a tuple"),
+        ({"signals": {"x": ("y",)}}, "'y'"),
+    ],
+    ids=str,
+)
+def test_what_is_no_stage(wrong, message):
+    with pytest.raises(hp.InputError, match=message):
+        with_stage("condensed", {}, Stage(**{"name": "own", **wrong}))
+
+
+def test_stages_that_exclude_each_other():
+    around = Stage(name="own", around_optimum=(begin, between, between))
+    with pytest.raises(hp.InputError, match="one stage around the optimum"):
+        with_stage("condensed", {"thrust_lag": 0.1}, around)
+    with pytest.raises(hp.InputError, match="own"):
+        with_stage("condensed", {}, Stage(name="own"), Stage(name="own"))

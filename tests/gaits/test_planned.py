@@ -162,6 +162,8 @@ def test_inputs_hold_and_feet_land_where_they_stand_next():
         ({"velocity": np.zeros((3, 3))}, "velocity must have shape"),
         ({"contact": 1}, "contact must have shape"),
         ({"contact": "left"}, "contact must be"),
+        ({"contact": (1, 0.5)}, "contact must be 0 or 1"),
+        ({"contact": (2, 1)}, "contact must be 0 or 1"),
         ({"contact": [[1, 0, 1]] * 4}, "foothold must have shape"),
         ({"force": np.zeros((4, 3, 3))}, "force must have shape"),
         ({"orientation": np.zeros((4, 4))}, "length one"),

@@ -18,7 +18,7 @@ ROOT = Path(__file__).resolve().parents[2]
 CONTRIB = "harpy_pin/contrib/"
 STATEMENTS = {
     "harpy_pin": 26_280,
-    CONTRIB: 5_030,
+    CONTRIB: 5_300,
     "reproduction": 2_010,
     "comparison": 7_130,
     "tests": 28_430,

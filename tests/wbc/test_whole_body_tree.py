@@ -436,3 +436,9 @@ def test_what_is_refused():
     ):
         with pytest.raises(InputError):
             WholeBodySolver(robot, tasks)
+    case = CASES["legs of seven joints"]()
+    state = case.draw(np.random.default_rng(0))
+    for held in (0.5, 2.0, np.nan):
+        case.solver.held[0] = held
+        with pytest.raises(InputError, match="held must be 0 or 1"):
+            case.solver.solve(state)

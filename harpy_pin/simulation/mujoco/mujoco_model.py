@@ -66,7 +66,7 @@ class MujocoModel(KeepsViews):
         RobotError: MuJoCo refuses the robot.
     """
 
-    _made_anew = ("mujoco", "qpos", "qvel", "_applied", "_body_position", "_mounts")
+    _rebuilt = ("mujoco", "qpos", "qvel", "_applied", "_body_position", "_mounts")
 
     @checked
     def __init__(
@@ -104,9 +104,9 @@ class MujocoModel(KeepsViews):
         self._base = int(
             self.model.jnt_bodyid[self.model.joint(f"joint:{robot.model.names[1]}").id]
         )
-        self._make_anew()
+        self._rebuild()
 
-    def _make_anew(self) -> None:
+    def _rebuild(self) -> None:
         """Views of MuJoCo's data, which stay where they are; asking for them anew costs as much as
         half a step.
         """

@@ -75,7 +75,7 @@ class MujocoPlant(SteppedPlant):
     """
 
     name = "mujoco"
-    _made_anew = ("_geom_position",)
+    _rebuilt = ("_geom_position",)
 
     @checked
     def __init__(
@@ -121,7 +121,7 @@ class MujocoPlant(SteppedPlant):
         self.model, self.data = inside.model, inside.data
         self.model.dof_frictionloss[inside.joint_places] = self.actuators.coulomb(self.robot)
         self._found = np.zeros(6)
-        self._make_anew()
+        self._rebuild()
         self._planes = np.zeros((feet, 7))
         self.model.geom_sameframe[inside.planes] = 0  # they are where the plant puts them
         self._foot_of = {geom: k for k, geom in enumerate(inside.feet)}
@@ -137,7 +137,7 @@ class MujocoPlant(SteppedPlant):
             write_contact(contact, inside.mujoco, self.model)
             self._find_ground(contact)
 
-    def _make_anew(self) -> None:
+    def _rebuild(self) -> None:
         """See :class:`MujocoModel`."""
         self._geom_position = self.data.geom_xpos
 

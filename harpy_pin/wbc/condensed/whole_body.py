@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 
 from harpy_pin import checks
 from harpy_pin.arguments import checked
+from harpy_pin.errors import InputError
 from harpy_pin.model.dynamics import dynamics_record
 from harpy_pin.model.entry import as_array
 from harpy_pin.model.memory import fixed_arrays
@@ -26,7 +27,12 @@ from harpy_pin.wbc.condensed.structure import (
 )
 from harpy_pin.wbc.condensed.task_memory import AnyTask, adopt_tasks, known_tasks, task_records
 from harpy_pin.wbc.condensed.tasks import MOMENTA, ContactsRecord
-from harpy_pin.wbc.condensed.whole_body_solve import WRONG_SHAPE, WholeBodyRecord, solve_whole_body
+from harpy_pin.wbc.condensed.whole_body_solve import (
+    WRONG_HELD,
+    WRONG_SHAPE,
+    WholeBodyRecord,
+    solve_whole_body,
+)
 from harpy_pin.wbc.newton import newton_record
 from harpy_pin.wbc.weights import WholeBodyLimits, thrust_box
 
@@ -188,7 +194,8 @@ class WholeBodySolver:
             :attr:`solution` itself.
 
         Raises:
-            InputError: no state, arrays of another shape, or that are no numbers at all.
+            InputError: no state, arrays of another shape, or that are no numbers at all; a foot
+                that is neither held nor not.
         """
         checks.instance("state", state, State)
         try:
@@ -201,6 +208,11 @@ class WholeBodySolver:
                 as_array("v", state.v, (self.robot.nv,)),
             )
             found = solve_whole_body(self._record_, q, v)
+        if found == WRONG_HELD:
+            held = self.held.tolist()
+            raise InputError(
+                f"held must be 0 or 1 of each foot, got {held}", name="held", value=held
+            )
         self.solution.status = STATUS[found]
         return self.solution
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from harpy_pin.ground.contact_frame import to_worlds
 from harpy_pin.kernels import kernel
 from harpy_pin.model.dynamics import DynamicsRecord
@@ -45,7 +47,7 @@ ROUNDS = 8
 """How often limits that are violated enter, at most."""
 YIELDING = 1e-3
 """Compliance of contacts that no motion within the limits keeps."""
-OPTIMAL, SUBOPTIMAL, INVALID, CONTACTS_YIELDED, WRONG_SHAPE = 0, 1, 2, 3, -1
+OPTIMAL, SUBOPTIMAL, INVALID, CONTACTS_YIELDED, WRONG_SHAPE, WRONG_HELD = 0, 1, 2, 3, -1, -2
 
 
 class WholeBodyRecord(RecordOf):
@@ -78,6 +80,9 @@ def solve_whole_body(r: WholeBodyRecord, q: Vector, v: Vector) -> int:
     verdict = update_terms(r.dynamics, q, v)
     if verdict == MISFIT:
         return WRONG_SHAPE
+    held = r.contacts.held
+    if not np.all((held == 0.0) | (held == 1.0)):
+        return WRONG_HELD
     joint_ends(r.limits, q, v)
     n.steps = 0
     found, status = _within_limits(r, q, v, r.contacts.compliance), OPTIMAL

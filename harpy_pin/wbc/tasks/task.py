@@ -150,8 +150,8 @@ class JointTask(MotionTask):
         position, velocity, acceleration, gains: as given; they may be overwritten between ticks.
 
     Raises:
-        InputError: a k_p without positions, or positions without a k_p; references of another
-            length than ``joints``. Unknown joints are refused when the task is added.
+        InputError: no joint; a k_p without positions, or positions without a k_p; references of
+            another length than ``joints``. Unknown joints are refused when the task is added.
     """
 
     def __init__(
@@ -164,6 +164,8 @@ class JointTask(MotionTask):
         gains: tuple[float, float] = (0.0, 0.0),
     ) -> None:
         self.joints = (joints,) if isinstance(joints, str) else checks.names("joints", joints)
+        if not self.joints:
+            raise InputError("a task of joints needs one at least", name="joints", value=joints)
         super().__init__(len(self.joints), velocity, acceleration, gains)
         self.position = reference_position(position, len(self.joints), self.gains)
         self._robot: Any = None
@@ -211,8 +213,9 @@ class FrameTask(MotionTask):
             ticks.
 
     Raises:
-        InputError: an unknown part or axes; a k_p without the reference it needs; a position or a
-            rotation without a k_p. An unknown frame is refused when the task is added.
+        InputError: an unknown part or axes; a frame as its own root; a k_p without the reference
+            it needs; a position or a rotation without a k_p; a rotation that is none. An unknown
+            frame is refused when the task is added.
     """
 
     def __init__(
@@ -230,6 +233,10 @@ class FrameTask(MotionTask):
     ) -> None:
         checks.one_of("part", part, PARTS)
         checks.one_of("axes", axes, AXES)
+        if root is not None and root == frame:
+            raise InputError(
+                f"the root must be another frame than '{frame}'", name="root", value=root
+            )
         self.frame, self.part, self.root, self.axes = frame, part, root, axes
         self._rows = PARTS[part]
         super().__init__(self._rows.stop - self._rows.start, velocity, acceleration, gains)
@@ -239,7 +246,7 @@ class FrameTask(MotionTask):
             self.position = None if position is None else checks.vector("position", position, 3)
         if rotation is None and part != "position" and self.gains[0] != 0.0:
             raise InputError("a gain k_p needs a rotation to go to", name="rotation")
-        self.rotation = None if rotation is None else checks.vector("rotation", rotation, (3, 3))
+        self.rotation = None if rotation is None else checks.rotation("rotation", rotation)
         if self.rotation is not None and part != "position":
             check_stiffness("rotation", self.gains)
         self._model: Any = None

@@ -21,17 +21,11 @@ from dataclasses import asdict
 
 import numpy as np
 
-from harpy_pin.controllers.governed_tick import (
-    ControlRecord,
-    solve_three,
-    steps_of,
-    thrusts,
-    track_foot,
-)
-from harpy_pin.controllers.parameters import FeedforwardGains
+from harpy_pin.controllers.governed_tick import ControlRecord, solve_three, thrusts, track_foot
+from harpy_pin.controllers.parameters import FeedforwardGains, GovernedParameters
 from harpy_pin.controllers.tasks import share_of_load
 from harpy_pin.gaits.gait import Gait, GaitTargetRecord
-from harpy_pin.kernels import kernel
+from harpy_pin.kernels import Kernel, kernel
 from harpy_pin.model.dynamics import DynamicsRecord, dynamics_record
 from harpy_pin.model.record import RecordOf, Records, make_record, sized
 from harpy_pin.model.state import Vector
@@ -55,18 +49,23 @@ class ForwardTickRecord(ControlRecord):
     forward: ForwardRecord  # its settings and work space
 
 
-def forward_record(gait: Gait, gains: FeedforwardGains) -> Records[ForwardRecord]:
-    """A new :class:`ForwardRecord`."""
+def make_legs(
+    gait: Gait, parameters: GovernedParameters
+) -> tuple[Kernel[None], dict[str, Records[ForwardRecord]]]:
+    """The kernel that writes the command of an applied reference, and what the controller's record
+    has for it, by name.
+    """
     robot = gait.robot
-    return make_record(
+    record = make_record(
         ForwardRecord,
         robot.sizes,
-        **asdict(gains),
+        **asdict(parameters.feedforward),
         double_support=gait.double_support,
         mass=robot.mass,
         gravity=robot.model.gravity.linear,
         dynamics=dynamics_record(robot),
     )
+    return actuate_forward, {"forward": record}
 
 
 @kernel
@@ -124,7 +123,3 @@ def _add_torques(p: ControlRecord, w: ForwardRecord) -> None:
     d, force = w.dynamics, w.force.reshape(w.force.size)
     forward = d.mass_matrix[6:] @ w.acceleration + d.bias[6:] - d.foot_jacobian[:, 6:].T @ force
     p.torque[:] = np.clip(p.torque + forward, -p.torque_limit, p.torque_limit)
-
-
-FORWARD_STEPS = steps_of(actuate_forward)
-"""The kernels of a tick with this control law, by governor."""

@@ -29,13 +29,13 @@ import math
 
 import numpy as np
 
-from harpy_pin.controllers.condensed_tick import CondensedTickRecord
 from harpy_pin.controllers.parameters import WholeBodyParameters
+from harpy_pin.controllers.stage import Stage
 from harpy_pin.controllers.tick import TaskTickRecord
-from harpy_pin.gaits.gait import GaitTargetRecord
+from harpy_pin.gaits.gait import Gait, GaitTargetRecord
 from harpy_pin.kernels import kernel
 from harpy_pin.model.dynamics import DynamicsRecord
-from harpy_pin.model.record import ZERO, RecordOf, Records, make_record, sized
+from harpy_pin.model.record import ZERO, RecordOf, Records, fields, make_record, sized
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
 from harpy_pin.simulation.thrusters import turn
@@ -80,13 +80,9 @@ class ThrustLagRecord(RecordOf):
     settled: int = ZERO  # 0 before the first command
 
 
-def thrust_lag_record(
-    robot: Robot, parameters: WholeBodyParameters
-) -> Records[ThrustLagRecord] | None:
-    """What is known of a robot's thrusts; None where they have no lag."""
+def thrust_lag_record(robot: Robot, parameters: WholeBodyParameters) -> Records[ThrustLagRecord]:
+    """What is known of a robot's thrusts."""
     lag, turning, period = parameters.thrust_lag, parameters.thrust_turning_lag, parameters.period
-    if lag == turning == 0.0 or not robot.n_thrust:
-        return None
     least, largest = thrust_box(robot, parameters.limits)
     return make_record(
         ThrustLagRecord,
@@ -222,8 +218,26 @@ class LaggedTickRecord(TaskTickRecord):
     lag: ThrustLagRecord  # what is known of them
 
 
-class LaggedCondensedRecord(LaggedTickRecord, CondensedTickRecord):
-    """The condensed one."""
+@kernel
+def free(r: LaggedTickRecord, lower: Vector, upper: Vector, inputs: Vector, usable: bool) -> None:
+    """Before the first optimum."""
+    free_thrusts(r.lag, r.dynamics, lower, upper)
+
+
+@kernel
+def fix(r: LaggedTickRecord, lower: Vector, upper: Vector, inputs: Vector, usable: bool) -> None:
+    """Between both: the command, where the first one is ``usable``."""
+    if usable:
+        command_thrusts(r.lag, r.dynamics, inputs, r.thrust)
+    fix_thrusts(r.lag, lower, upper)
+
+
+@kernel
+def release(
+    r: LaggedTickRecord, lower: Vector, upper: Vector, inputs: Vector, usable: bool
+) -> None:
+    """After the second one."""
+    release_thrusts(r.lag, r.dynamics, inputs)
 
 
 @kernel
@@ -234,26 +248,13 @@ def advance(
     advance_thrusts(r.lag)
 
 
-@kernel
-def free(
-    r: LaggedCondensedRecord, target: GaitTargetRecord, q: Vector, v: Vector, foot_force: Vector
-) -> None:
-    """The stage before the condensed controller's first optimum."""
-    free_thrusts(r.lag, r.dynamics, r.condensed.input_lower, r.condensed.input_upper)
-
-
-@kernel
-def fix(
-    r: LaggedCondensedRecord, target: GaitTargetRecord, q: Vector, v: Vector, foot_force: Vector
-) -> None:
-    """The stage between both: the command."""
-    command_thrusts(r.lag, r.dynamics, r.condensed.inputs, r.thrust)
-    fix_thrusts(r.lag, r.condensed.input_lower, r.condensed.input_upper)
-
-
-@kernel
-def release(
-    r: LaggedCondensedRecord, target: GaitTargetRecord, q: Vector, v: Vector, foot_force: Vector
-) -> None:
-    """The stage after the second one."""
-    release_thrusts(r.lag, r.dynamics, r.condensed.inputs)
+def make_stage(gait: Gait, parameters: WholeBodyParameters) -> Stage | None:
+    """What a whole-body controller of a robot with thrusts does about their lag."""
+    if not gait.robot.n_thrust:
+        return None
+    return Stage(
+        name="lag",
+        memory=fields(thrust_lag_record(gait.robot, parameters)),
+        around_optimum=(free, fix, release),
+        closing=(advance,),
+    )

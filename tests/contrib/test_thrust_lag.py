@@ -12,13 +12,13 @@ from walks import started, walked
 
 import harpy_pin as hp
 from comparison.studies.margins import pd_lag_margin
-from harpy_pin.controllers.parameters import WholeBodyParameters
-from harpy_pin.controllers.thrust_lag import (
+from harpy_pin.contrib.thrust_lag import (
     advance_thrusts,
     command_thrusts,
     keep_thrusts,
     thrust_lag_record,
 )
+from harpy_pin.controllers.parameters import WholeBodyParameters
 from harpy_pin.model.dynamics import Dynamics
 from harpy_pin.simulation.actuators import Actuators
 

@@ -14,11 +14,13 @@ from __future__ import annotations
 
 import numpy as np
 
+from harpy_pin.controllers.parameters import WholeBodyParameters
+from harpy_pin.controllers.stage import Stage
 from harpy_pin.controllers.tick import TaskTickRecord
-from harpy_pin.gaits.gait import GaitTargetRecord
+from harpy_pin.gaits.gait import Gait, GaitTargetRecord
 from harpy_pin.kernels import kernel
 from harpy_pin.model.dynamics import DynamicsRecord
-from harpy_pin.model.record import ZERO, RecordOf, sized
+from harpy_pin.model.record import ZERO, RecordOf, fields, make_record, sized
 from harpy_pin.model.state import Vector
 
 MEMORY = 0.5
@@ -74,6 +76,18 @@ def note_inputs(
 ) -> None:
     """The stage after the optimum: its inputs, for the next tick."""
     r.joint_friction.inputs[:] = r.inputs
+
+
+def make_stage(gait: Gait, parameters: WholeBodyParameters) -> Stage:
+    """The estimate in a whole-body controller."""
+    sizes, period = gait.robot.sizes, parameters.period
+    return Stage(
+        name="joint_friction",
+        memory=fields(make_record(JointFrictionEstimateRecord, sizes, period=period)),
+        before_tasks=(estimate_joint_friction,),
+        after_optimum=(note_inputs,),
+        signals={"viscous_estimate": ("viscous",), "coulomb_estimate": ("coulomb",)},
+    )
 
 
 @kernel
