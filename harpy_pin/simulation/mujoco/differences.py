@@ -67,7 +67,8 @@ class AtZero:
         self.mujoco, self.robot, self.joints, self.model = mujoco, robot, joints, in_effect(model)
         self.names, kinds = tree_joints(robot), tree_record(robot.model)["kind"][0, 1:]
         for joint, name, kind in zip(joints, self.names, kinds, strict=True):
-            if model.jnt_type[joint] not in ((SLIDE,) if kind == SLIDING else (HINGE, BALL)):
+            rod = model.jnt_type[joint] == BALL and np.sum(joints == joint) == 2
+            if not rod and model.jnt_type[joint] != (SLIDE if kind == SLIDING else HINGE):
                 desired = "slide" if kind == SLIDING else "turn about one axis"
                 raise InputError(
                     f"joint '{name}' of the MuJoCo model does not {desired}, as the robot's",
