@@ -338,9 +338,7 @@ def build_tree(
                 built.armature[built.joints[moving].idx_v] = known["armature"][k]
                 place = pin.SE3.Identity()
                 frame = built.addFrame(
-                    pin.Frame(
-                        named_frame + behind, moving, frame, place, pin.FrameType.JOINT
-                    )
+                    pin.Frame(named_frame + behind, moving, frame, place, pin.FrameType.JOINT)
                 )
             place = placement(-model.jnt_pos[joint])
         axes = placement(model.body_ipos[body], model.body_iquat[body])

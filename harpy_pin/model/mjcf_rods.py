@@ -77,8 +77,8 @@ def at_rest(model: Any, joint: int) -> pin.SE3:
 
 
 def across(model: Any, joint: int) -> Vector:
-    """(3, 3) axes of the two hinges across a rod on a ball joint, and of the rod, as columns, in its
-    body's frame.
+    """(3, 3) axes of the two hinges across a rod on a ball joint, and of the rod, in its body's
+    frame, as columns.
 
     Raises:
         InputError: the body is no rod.

@@ -313,9 +313,7 @@ class MujocoBridge(Conventions):
         of_tree = np.flatnonzero(np.isin(self.model.jnt_bodyid, self._at_zero.bodies))
         more = [
             self.model.joint(number).name
-            for number in np.setdiff1d(
-                of_tree, [self.free, *self._tree, *self._at_zero.resting]
-            )
+            for number in np.setdiff1d(of_tree, [self.free, *self._tree, *self._at_zero.resting])
         ]
         if more:
             raise InputError(
