@@ -46,7 +46,7 @@ def held_springs(model: Any, joints: NDArray[np.int64]) -> NDArray[np.int64]:
     sprung = joints[(model.jnt_stiffness[joints] > 0.0) & (model.jnt_type[joints] >= SLIDE)]
     sprung = sprung[~np.isin(sprung, acting)]
     if not len(sprung) or not (acting >= 0).any():
-        return sprung[:0]
+        return np.zeros(0, np.int64)
     mujoco = import_mujoco()
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
