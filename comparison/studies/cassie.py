@@ -39,6 +39,9 @@ SHARE = 0.75
 """Share of the friction that the controller is told."""
 UNIT = 0.5
 """Of the commands' speeds: up to 0.4 m/s at friction 0.8."""
+ELLIPTIC, STIFFER = "elliptic cones", 50.0
+STIFF = f"springs {STIFFER:g} times as stiff"
+"""What is changed in the model, one at a time."""
 START, PUSH = 0.05, 0.2
 """Standard deviation of the body's velocity at the start, m/s and rad/s, and impulse over mass of
 the push, m/s.
@@ -112,7 +115,9 @@ def _measured(job: Job) -> dict[str, Any]:
     plain, robot = cassie(job["mjcf"])
     model = copy.copy(plain)
     model.geom_friction[:, 0] = job["friction"]
-    model.jnt_stiffness[:] *= job["stiffness"]
+    model.jnt_stiffness[:] *= STIFFER if job["model"] == STIFF else 1.0
+    if job["model"] == ELLIPTIC:
+        model.opt.cone, model.opt.impratio = 1, 100.0
     walker, data = Walker(model, robot, job["friction"]), mujoco.MjData(model)
     q, v = walker.gait.initial_state()
     v[:6] += START * np.random.default_rng([job["seed"], job["number"], 1]).normal(size=6)
@@ -123,12 +128,12 @@ def _measured(job: Job) -> dict[str, Any]:
 
 
 def _jobs(s: Any) -> Iterator[Job]:
-    for friction, stiffness, number in product(s.frictions, s.stiffness, range(s.walks)):
+    for friction, kind, number in product(s.frictions, s.models, range(s.walks)):
         walk = random_walk(s.seed, number, friction, s.duration, UNIT)
         rng = np.random.default_rng([s.seed, number, 2])
         angle, time = rng.uniform(0.0, 2.0 * np.pi), rng.uniform(0.3, 0.7) * s.duration
         push = [float(time), float(PUSH * np.cos(angle)), float(PUSH * np.sin(angle))]
-        yield walk | {"push": push, "stiffness": stiffness, "seed": s.seed, "mjcf": s.mjcf}
+        yield walk | {"push": push, "model": kind, "seed": s.seed, "mjcf": s.mjcf}
 
 
 STUDY = Study(
@@ -138,7 +143,7 @@ STUDY = Study(
     defaults={
         "walks": 20,
         "frictions": (0.8, 0.3),
-        "stiffness": (1.0, 50.0),
+        "models": ("as it is", ELLIPTIC, STIFF),
         "duration": 10.0,  # s
         "seed": 1000,
         "mjcf": "out/clones/mujoco_menagerie/agility_cassie/scene.xml",
