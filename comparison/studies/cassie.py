@@ -156,10 +156,7 @@ STUDY = Study(
         View(
             "cassie",
             "Cassie in Menagerie's model",
-            lambda row: (
-                f"friction {row['friction']:g}, springs "
-                + ("alive" if row["stiffness"] == 1.0 else f"{row['stiffness']:g} times as stiff")
-            ),
+            "friction {friction:g}, {model}",
             {
                 "fell": fell,
                 "slip": (median("slip_mm_s"), "mm/s"),
