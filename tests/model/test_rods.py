@@ -19,6 +19,7 @@ from harpy_pin.errors import InputError, RobotError
 from harpy_pin.model.posed import Posed
 
 mujoco = pytest.importorskip("mujoco", reason="MuJoCo is an extra")
+SITES = ("left_sole_0", "left_sole_1", "right_sole_0", "right_sole_1")
 PASSIVE = ("rod_ball", "rod_ball_2", "tarsus_joint", "crank_joint", "plantar_joint")
 
 
@@ -78,7 +79,7 @@ def test_a_state_goes_into_mujoco_and_back():
         mujoco.mj_forward(model, data)
         np.testing.assert_allclose(data.efc_pos[:12], 0.0, rtol=0, atol=1e-8)
         np.testing.assert_allclose(data.efc_vel[:12], 0.0, rtol=0, atol=1e-7)
-        state, places = bridge.read(data), [data.site(name).xpos for name in FEET]
+        state, places = bridge.read(data), [data.site(name).xpos for name in SITES]
         np.testing.assert_allclose(state.q, q, rtol=0, atol=1e-12)
         np.testing.assert_allclose(state.v, v, rtol=0, atol=1e-12)
         np.testing.assert_allclose(state.foot_position, places, rtol=0, atol=1e-8)
@@ -112,9 +113,9 @@ def test_a_spring_is_held_where_it_is_at_rest():
     bridge.place((q, np.zeros(given.nv)), data)
     mujoco.mj_forward(model, data)
     assert data.joint("left_spring").qpos[0] == pytest.approx(0.1)
-    place = Posed(given, q).frame("left_sole").translation
-    np.testing.assert_allclose(place, data.site("left_sole").xpos, rtol=0, atol=1e-9)
-    held = Posed(robot(), robot().reference).frame("left_sole").translation
+    place = Posed(given, q).frame("left_foot_0").translation
+    np.testing.assert_allclose(place, data.site("left_sole_0").xpos, rtol=0, atol=1e-9)
+    held = Posed(robot(), robot().reference).frame("left_foot_0").translation
     assert np.linalg.norm(place - held) > 0.01
 
 

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import harpy_pin as hp
 
-FEET = ("left_sole", "right_sole")
+FEET = ("left_foot", "right_foot")
 SPRING = 1500.0
 """Of the shins, N·m/rad."""
 
@@ -59,7 +59,8 @@ def leg(side: str, s: float, spring: float, ball: str) -> str:
        <joint name="{side}_foot_joint" axis="0 1 0" range="-0.8 0.8" armature="0.01"/>
        <geom name="{side}_bar" type="capsule" size="0.02" fromto="-0.05 0 -0.03 0.09 0 -0.03"
         contype="1"/>
-       <site name="{side}_sole" pos="0.02 0 -0.05"/></body></body></body></body></body></body>
+       <site name="{side}_sole_0" pos="0.09 0 -0.05"/>
+       <site name="{side}_sole_1" pos="-0.05 0 -0.05"/></body></body></body></body></body></body>
 </body>"""
 
 
