@@ -127,9 +127,9 @@ def _line(place: pin.SE3, half: Vector, radius: float, upright: Vector) -> FlatF
     if radius == 0.0 or np.count_nonzero(half) != 1 or length < SOLE_SIDE:
         return None
     ahead = 2.0 / length * upright @ place.rotation @ half
-    ahead *= np.sign(ahead[np.argmax(np.abs(ahead[:2]))])
     if 1.0 - ahead[2] ** 2 < UPRIGHT**2:
         return None
+    ahead *= np.sign(ahead[np.argmax(np.abs(ahead[:2]))])
     aside = np.cross((0.0, 0.0, 1.0), ahead) / np.hypot(*ahead[:2])
     turn = upright.T @ np.column_stack((ahead, aside, np.cross(ahead, aside)))
     middle, angles = place.translation - radius * turn[:, 2], pin.rpy.matrixToRpy(turn)
