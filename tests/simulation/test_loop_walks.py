@@ -34,6 +34,9 @@ NAMES = ("four_bar", "parallel_ankle", "harpy_built")
 
 @cache
 def looped(name):
+    if name == "sprung":
+        pytest.importorskip("mujoco")
+        return sprung(Path(mkdtemp()))
     return hp.load_robot(name) if name == "harpy_built" else ROBOTS[name](Path(mkdtemp()))
 
 
@@ -90,9 +93,11 @@ def test_a_walk_in_mujoco_keeps_the_loops_closed():
     np.testing.assert_allclose(ankles, robot.closed(plant.q)[passive], rtol=0, atol=2e-3)
 
 
-@pytest.mark.parametrize(("name", "most"), [("four_bar", 80.0), ("parallel_ankle", 120.0)])
+@pytest.mark.parametrize(
+    ("name", "most"), [("four_bar", 80.0), ("parallel_ankle", 120.0), ("sprung", 120.0)]
+)
 def test_the_condensed_optimum_is_that_of_the_program(name, most):
-    """Limbs that their feet determine, of three driven joints and of six."""
+    """Limbs that their feet determine, of three driven joints and of six; five with a line."""
     robot = looped(name)
     same_optimum(
         robot,
