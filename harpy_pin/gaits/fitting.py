@@ -103,7 +103,8 @@ def fitting_parameters(
     if leg == 0.0:
         return parameters
     square, natural = (leg if rise is None else rise) ** 2, float(np.sqrt(GRAVITY / leg))
-    alone, soles = robot.corners == (1, 1), bool(robot.flat_feet)
+    soles = robot.on_soles
+    alone = len(robot.corners) == 2 and not soles
     parameters["max_normal_force"] /= max(robot.corners)
     turn = square * (LOOSE_TURN_WEIGHT if alone or soles else TURN_WEIGHT)
     own = {"swing": SWING_WEIGHT, "orientation": turn, "arms": turn}
@@ -133,7 +134,7 @@ def standing_parameters(robot: Robot) -> dict[str, Any]:
         As of :func:`fitting_parameters`.
     """
     checks.instance("robot", robot, Robot)
-    load, share = robot.mass * GRAVITY, SOLE_SHARE if robot.flat_feet else MIN_SHARE
+    load, share = robot.mass * GRAVITY, SOLE_SHARE if robot.on_soles else MIN_SHARE
     points = max(len(robot.feet), 1)
     parameters: dict[str, Any] = {
         "min_normal_force": share * load / points,

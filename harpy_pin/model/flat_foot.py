@@ -47,7 +47,7 @@ class FlatFoot:
 
     Attributes:
         length: along x of the sole, m.
-        width: along y of the sole, m.
+        width: along y of the sole, m; 0 of a line, whose ends ``_0`` and ``_1`` are front and rear.
         centre: (3,) of the middle, in the frame, m.
         orientation: (3,) of the sole in the frame: roll, pitch and yaw as in a URDF, rad.
     """
@@ -58,7 +58,7 @@ class FlatFoot:
     orientation: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     def __post_init__(self) -> None:
-        for name in ("length", "width"):
+        for name in ("length", "width") if self.width != 0.0 else ("length",):
             least = 2.0 * MIN_SPREAD
             value = checks.number(
                 f"{name} of a flat foot", getattr(self, name), low=least, high=LARGEST
@@ -75,14 +75,17 @@ class FlatFoot:
 
     @property
     def corners(self) -> Vector:
-        """(4, 3) places of the corners in the frame, in the order of their names, m."""
+        """(4, 3) places of the corners in the frame, in the order of their names, m; (2, 3) of a
+        line.
+        """
         half, place = 0.5 * np.array((self.length, self.width, 0.0)), self.placement
-        return np.array([place.act(half * (a, b, 0.0)) for a in (1, -1) for b in (1, -1)])
+        sides = (1, -1) if self.width else (0,)
+        return np.array([place.act(half * (a, b, 0.0)) for a in (1, -1) for b in sides])
 
 
 def find_sole(shapes: Sequence[tuple[pin.SE3, Vector, float]], upright: Vector) -> FlatFoot | None:
-    """The rectangle around the lowest ends of a foot's shapes, where it is level; None for a point
-    or a line.
+    """The rectangle around the lowest ends of a foot's shapes, where it is level, or the line along
+    the lowest of them; None for a point.
 
     Of the axes of the lowest shape, if it is a box, else of the frame, the one that is up while the
     robot stands is the sole's normal, and the one that is to the front its x axis.
@@ -92,7 +95,7 @@ def find_sole(shapes: Sequence[tuple[pin.SE3, Vector, float]], upright: Vector) 
             each of its corners, m; zero of a box.
         upright: (3, 3) the frame's axes while the robot stands, in the world.
     """
-    ends, lowest, axes = [], np.inf, upright
+    ends, lowest, axes, line = [], np.inf, upright, None
     for place, half, radius in shapes:
         own = [
             (*(upright @ place.act(half * sign)), radius) for sign in product((-1.0, 1.0), repeat=3)
@@ -100,6 +103,7 @@ def find_sole(shapes: Sequence[tuple[pin.SE3, Vector, float]], upright: Vector) 
         height = min(end[2] - end[3] for end in own)
         if height < lowest:
             lowest, axes = height, upright @ place.rotation if radius == 0.0 else upright
+            line = (place, half, radius)
         ends += own
     signed = np.hstack((axes, -axes))
     up, ahead = (signed[:, np.argmax(signed[k])] for k in (2, 0))
@@ -109,12 +113,27 @@ def find_sole(shapes: Sequence[tuple[pin.SE3, Vector, float]], upright: Vector) 
     points = points[points[:, 2] < points[:, 2].min(initial=np.inf) + SOLE_DEPTH]
     low, high = points.min(axis=0, initial=np.inf), points.max(axis=0, initial=-np.inf)
     if up[2] < UPRIGHT or min(high[:2] - low[:2]) < SOLE_SIDE:
-        return None
+        return None if line is None else _line(*line, upright)
     turn, middle = upright.T @ sole, (*(0.5 * (low + high))[:2], low[2])
     length, width, _ = high - low
     return FlatFoot(
         length=length, width=width, centre=turn @ middle, orientation=pin.rpy.matrixToRpy(turn)
     )
+
+
+def _line(place: pin.SE3, half: Vector, radius: float, upright: Vector) -> FlatFoot | None:
+    """The lower side of a bar with round ends, where it is level; None of another shape."""
+    length = 2.0 * float(np.linalg.norm(half))
+    if radius == 0.0 or np.count_nonzero(half) != 1 or length < SOLE_SIDE:
+        return None
+    ahead = 2.0 / length * upright @ place.rotation @ half
+    if 1.0 - ahead[2] ** 2 < UPRIGHT**2:
+        return None
+    ahead *= np.sign(ahead[np.argmax(np.abs(ahead[:2]))])
+    aside = np.cross((0.0, 0.0, 1.0), ahead) / np.hypot(*ahead[:2])
+    turn = upright.T @ np.column_stack((ahead, aside, np.cross(ahead, aside)))
+    middle, angles = place.translation - radius * turn[:, 2], pin.rpy.matrixToRpy(turn)
+    return FlatFoot(length=length, width=0.0, centre=middle, orientation=angles)
 
 
 def add_flat_feet(

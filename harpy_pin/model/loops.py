@@ -238,7 +238,7 @@ def find_loops(
         loose = passive[int(np.argmax(np.abs(way[-1])))]
         raise RobotError(
             f"no loop of '{model.name}' holds joint '{model.names[loose]}' where the robot stands: "
-            "it needs a motor, or other angles to begin with"
+            "it needs a motor, a stiffer spring, or other angles to begin with"
         )
     rest = slope - slope[:, column] @ np.linalg.lstsq(slope[:, column], slope, rcond=RANK)[0]
     if np.abs(rest).max() > RANK:

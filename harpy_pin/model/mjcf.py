@@ -33,11 +33,22 @@ from harpy_pin.model.mjcf_loops import (
     tendon_bodies,
 )
 from harpy_pin.model.mjcf_options import enabled_actuators, in_effect
+from harpy_pin.model.mjcf_rods import (
+    BALL,
+    FREE,
+    SECOND,
+    SLIDE,
+    across,
+    at_rest,
+    held_springs,
+    hinge_angles,
+    hinge_names,
+    hinged,
+)
 from harpy_pin.model.state import Vector
 from harpy_pin.model.tree import tree_record
 from harpy_pin.model.urdf import check_bodies, robot_errors
 
-FREE, BALL, SLIDE, HINGE = range(4)  # ``mujoco.mjtJoint``
 TENDON = 3  # ``mujoco.mjtTrn``
 FIXED_GAIN, NO_BIAS, NO_DYNAMICS = 0, 0, 0  # ``mujoco.mjtGain``, ``mjtBias``, ``mjtDyn``
 UNNAMED = "MuJoCo Model"
@@ -104,7 +115,7 @@ def read_mujoco(model: Any, frames: Sequence[str], label: str) -> Description:
     """
     model = in_effect(model)
     bodies = _robot_bodies(model, frames)
-    joints = np.flatnonzero(np.isin(model.jnt_bodyid, bodies) & (model.jnt_type != FREE))
+    joints = robot_joints(model, bodies)
     _refuse(model, bodies, joints)
     built, held = build_tree(model, bodies, joints)
     name = bytes(model.names).split(b"\0")[0].decode()
@@ -112,9 +123,11 @@ def read_mujoco(model: Any, frames: Sequence[str], label: str) -> Description:
     tree_record(built)
     check_bodies(built)
     ties = read_ties(model, built, held)
+    acting = driven_joints(model)[enabled_actuators(model)]
     undriven = [
-        built.getJointId(joint_name(model, joint))
-        for joint in joints[~np.isin(joints, driven_joints(model)[enabled_actuators(model)])]
+        built.getJointId(name)
+        for name, joint in zip(hinge_names(model, joints), joints, strict=True)
+        if joint not in acting
     ]
     tied = {built.names[j] for tie in ties for j in joints_of(built, tie)}
     left = left_out(model, bodies, joints, tied)
@@ -131,7 +144,7 @@ def read_mujoco(model: Any, frames: Sequence[str], label: str) -> Description:
     root = body_name(model, bodies[0])
     names = ("home", f"{root.removesuffix(plain_name(root))}home")
     home = [key for key in range(model.nkey) if str(model.key(key).name) in names]
-    posture = np.array(model.key_qpos[home[0], model.jnt_qposadr[joints]]) if home else None
+    posture = hinge_angles(model, joints, model.key_qpos[home[0]]) if home else None
     q, data = pin.neutral(built), built.createData()
     q[7:] = posture if home else 0.0
     pin.framesForwardKinematics(built, data, q)
@@ -150,7 +163,7 @@ def read_mujoco(model: Any, frames: Sequence[str], label: str) -> Description:
             radii[name] = sphere_radius(
                 model, geoms, places, built.frames[frame].placement.translation
             )
-    start = np.array(model.qpos0[model.jnt_qposadr[joints]]) if posture is None else posture
+    start = hinge_angles(model, joints, model.qpos0) if posture is None else posture
     return Description(built, posture, soles, radii, ties, undriven, start)
 
 
@@ -230,12 +243,18 @@ def _robot_bodies(model: Any, frames: Sequence[str]) -> NDArray[np.int64]:
     )
 
 
+def robot_joints(model: Any, bodies: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Joints that move the bodies of a robot, those of rods twice, without those that stiff springs
+    hold; see :mod:`harpy_pin.model.mjcf_rods`.
+    """
+    joints = np.flatnonzero(np.isin(model.jnt_bodyid, bodies) & (model.jnt_type != FREE))
+    return hinged(model, np.setdiff1d(joints, held_springs(model, joints)))
+
+
 def _refuse(model: Any, bodies: NDArray[np.int64], joints: NDArray[np.int64]) -> None:
     """Refuse what changes how the robot can move."""
     for joint in joints[model.jnt_type[joints] == BALL]:
-        raise InputError(
-            f"joint '{joint_name(model, joint)}' is a ball joint, which is not supported"
-        )
+        across(model, int(joint))
     refuse_loops(model, bodies)
     for name, values in known_joints(model, joints).items():
         checks.gains(f"{name} of joints", values, len(joints))
@@ -256,12 +275,15 @@ def build_tree(
     Args:
         model: ``mujoco.MjModel``.
         bodies: parents first; the first one has the free joint.
-        joints: those that move; others are held where the model draws them.
+        joints: those that move; others are held where the model draws them, and by stiff springs
+            where these are at rest.
     """
     built, known, peak = pin.Model(), known_joints(model, joints), peak_torques(model, joints)
     built.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), "root_joint")
     built.addJointFrame(1, 0)
     moved = {joint: k for k, joint in enumerate(joints.tolist())}
+    others = np.setdiff1d(np.flatnonzero(np.isin(model.jnt_bodyid, bodies)), joints)
+    resting = held_springs(model, others)
     frames = {
         body: [entry for entry in _frames(model, bodies) if entry[2] == body]
         for body in bodies.tolist()
@@ -277,35 +299,48 @@ def build_tree(
         first = int(model.body_jntadr[body])
         for joint in range(first, first + int(model.body_jntnum[body])):
             if joint not in moved:
+                place = place * at_rest(model, joint) if joint in resting else place
                 continue
-            k, arm, axis = moved[joint], model.jnt_pos[joint], np.array(model.jnt_axis[joint])
-            turns, ref = (
-                model.jnt_type[joint] == HINGE,
-                float(model.qpos0[model.jnt_qposadr[joint]]),
-            )
-            back = pin.SE3(pin.exp3(-ref * axis), np.zeros(3)) if turns else placement(-ref * axis)
-            low, high = model.jnt_range[joint] if model.jnt_limited[joint] else (-np.inf, np.inf)
-            moving = built.addJoint(
-                moving,
-                _joint_model(axis, turns),
-                place * placement(arm) * back,
-                joint_name(model, joint),
-                *(np.array([value]) for value in (-peak[k], peak[k], -np.inf, np.inf, low, high)),
-                *(
-                    np.array([value])
-                    for value in (-known["friction"][k], known["friction"][k], known["damping"][k])
-                ),
-            )
-            built.armature[built.joints[moving].idx_v] = known["armature"][k]
-            place = placement(-arm)
-            name = next(
+            k, turns = moved[joint], model.jnt_type[joint] != SLIDE
+            ball = model.jnt_type[joint] == BALL
+            axes = across(model, joint)[:, :2].T if ball else model.jnt_axis[[joint]]
+            ref = 0.0 if ball else float(model.qpos0[model.jnt_qposadr[joint]])
+            limited = model.jnt_limited[joint] and not ball
+            low, high = model.jnt_range[joint] if limited else (-np.inf, np.inf)
+            place = place * placement(model.jnt_pos[joint])
+            named_frame = next(
                 name
                 for name, kind, *_, number in frames[body]
                 if kind == "joint" and number == joint
             )
-            frame = built.addFrame(
-                pin.Frame(name, moving, frame, pin.SE3.Identity(), pin.FrameType.JOINT)
-            )
+            for axis, behind in zip(np.array(axes), ("", SECOND), strict=False):
+                back = placement(-ref * axis)
+                if turns:
+                    back = pin.SE3(pin.exp3(-ref * axis), np.zeros(3))
+                moving = built.addJoint(
+                    moving,
+                    _joint_model(axis, turns),
+                    place * back,
+                    joint_name(model, joint) + behind,
+                    *(
+                        np.array([value])
+                        for value in (-peak[k], peak[k], -np.inf, np.inf, low, high)
+                    ),
+                    *(
+                        np.array([value])
+                        for value in (
+                            -known["friction"][k],
+                            known["friction"][k],
+                            known["damping"][k],
+                        )
+                    ),
+                )
+                built.armature[built.joints[moving].idx_v] = known["armature"][k]
+                place = pin.SE3.Identity()
+                frame = built.addFrame(
+                    pin.Frame(named_frame + behind, moving, frame, place, pin.FrameType.JOINT)
+                )
+            place = placement(-model.jnt_pos[joint])
         axes = placement(model.body_ipos[body], model.body_iquat[body])
         inertia = pin.Inertia(model.body_mass[body], np.zeros(3), np.diag(model.body_inertia[body]))
         built.appendBodyToJoint(moving, inertia, place * axes)
@@ -366,15 +401,13 @@ def left_out(
     """What a tree of rigid bodies has no place for, each in some words that name where it is;
     ``tied`` joints need no actuator.
     """
+    held = held_springs(model, np.flatnonzero(np.isin(model.jnt_bodyid, bodies)))
     base, dofs, free = (
         [body_name(model, bodies[0])],
         model.jnt_dofadr[joints],
         model.body_jntadr[bodies[:1]],
     )
-    names, drives = (
-        [joint_name(model, joint) for joint in joints],
-        joints[:, None] == driven_joints(model),
-    )
+    names, drives = hinge_names(model, joints), joints[:, None] == driven_joints(model)
     acting = drives & enabled_actuators(model)
     mine = np.flatnonzero(acting.any(axis=0))
     actuators = [str(model.actuator(number).name) or f"number {number}" for number in mine]
@@ -401,6 +434,12 @@ def left_out(
     of_base = model.dof_jntid == free
     left = [
         named("springs of joint", names, springs[joints], " N·m/rad"),
+        named(
+            "stiff springs, held where they are at rest, of joint",
+            [joint_name(model, joint) for joint in held],
+            springs[held],
+            " N·m/rad",
+        ),
         named(
             "damping that is not linear of joint",
             names,
@@ -488,6 +527,8 @@ def find_joints(model: Any, names: Sequence[str]) -> NDArray[np.int64]:
         name = joint_name(model, number)
         for short in {name, plain_name(name), name.removeprefix("joint:")}:
             found.setdefault(short, []).append(number)
+            if model.jnt_type[number] == BALL:
+                found.setdefault(short + SECOND, []).append(number)
     for name in names:
         checks.one_of("joint of the MuJoCo model", name, found)
         if len(found[name]) > 1:

@@ -106,6 +106,11 @@ class Robot:
         return self.flat_feet if self.flat_feet else (1,) * len(self.feet)
 
     @property
+    def on_soles(self) -> bool:
+        """Whether a foot is wider than a line."""
+        return max(self.corners, default=1) > 2
+
+    @property
     def name(self) -> str:
         """Name of the robot in the catalogue, or else in its URDF."""
         return self.label or str(self.model.name)
@@ -272,7 +277,7 @@ class Robot:
 
         Soles are counted where all feet are flat.
         """
-        soles = len(self.flat_feet) if len({*self.flat_feet}) == 1 else 0
+        soles = len(self.flat_feet) if len({*self.flat_feet}) == 1 and self.on_soles else 0
         counts = {"nv": self.nv, "joints": len(self.joints), "feet": len(self.feet), "soles": soles}
         return counts | {"thrusters": len(self.thrusters), "thrusts": self.n_thrust}
 

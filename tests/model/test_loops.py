@@ -10,6 +10,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from looped_robots import ROBOTS
+from sprung_robot import sprung
 
 import harpy_pin as hp
 from harpy_pin.kernels import kernel
@@ -19,13 +20,16 @@ from harpy_pin.model.terms import inverse_dynamics
 
 WORLD_AXES = pin.LOCAL_WORLD_ALIGNED
 STATES = 125  # of each robot
-NAMES = (*ROBOTS, "harpy_built")
+NAMES = (*ROBOTS, "harpy_built", "sprung")
 
 
 @cache
 def looped(name: str) -> hp.Robot:
     if name == "harpy_built":
         return hp.load_robot(name)
+    if name == "sprung":
+        pytest.importorskip("mujoco")
+        return sprung(Path(mkdtemp()))
     return ROBOTS[name](Path(mkdtemp()))
 
 
@@ -99,9 +103,10 @@ def test_accelerations_are_those_of_constrained_dynamics(name):
         np.testing.assert_allclose(found, expected, rtol=0, atol=1e-8 * max(1.0, size))
 
 
-def test_accelerations_are_those_of_pinocchios_own_constraints():
-    """Of the robot whose loops are points."""
-    robot = looped("four_bar")
+@pytest.mark.parametrize("name", ["four_bar", "sprung"])
+def test_accelerations_are_those_of_pinocchios_own_constraints(name):
+    """Of robots whose loops are points."""
+    robot = looped(name)
     model, dynamics = robot.model, hp.Dynamics(robot)
     made = pin.StdVec_RigidConstraintModel()
     for tie in robot.loops.ties:
@@ -109,7 +114,7 @@ def test_accelerations_are_those_of_pinocchios_own_constraints():
         places = [x for end in ends for x in (end.parentJoint, end.placement)]
         made.append(pin.RigidConstraintModel(pin.ContactType.CONTACT_3D, model, *places))
     data, own = model.createData(), [*range(6), *robot.columns]
-    for q, v in states("four_bar", STATES):
+    for q, v in states(name, STATES):
         dynamics.update(q, v)
         tree, speed = robot.closed(q), robot.velocity_map(q) @ v
         datas = pin.StdVec_RigidConstraintData()

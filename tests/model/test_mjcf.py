@@ -583,7 +583,8 @@ def test_the_sole_of_a_mesh_is_the_rectangle_around_its_lowest_vertices(turn):
     ("foot", "joints", "name"),
     [
         ('<geom size="0.02" pos="0 0 -0.05"/>', 6, "link5"),
-        ('<geom type="capsule" size="0.02" fromto="-0.1 0 -0.05 0.1 0 -0.05"/>', 6, "link5"),
+        ('<geom type="capsule" size="0.02" fromto="-0.1 0 -0.05 0.1 0 0"/>', 6, "link5"),
+        ('<geom type="capsule" size="0.02" fromto="0 0 -0.1 0 0 0"/>', 6, "link5"),
         (FOUR.replace("<geom", '<geom contype="0" conaffinity="0"'), 6, "link5"),
         (BOX, 3, "link2"),
         (
@@ -596,8 +597,24 @@ def test_the_sole_of_a_mesh_is_the_rectangle_around_its_lowest_vertices(turn):
         ("", 6, "link5"),
     ],
 )
-def test_points_lines_and_short_legs_have_no_sole(foot, joints, name):
+def test_points_lines_that_are_not_level_and_short_legs_have_no_sole(foot, joints, name):
     assert hp.load_robot(leg(foot, joints), feet=(name,)).feet == (name,)
+
+
+@pytest.mark.parametrize("frame", ["0 0 0", "90 0 0", "20 40 60"])
+@pytest.mark.parametrize(
+    "ends", ["-0.06 0.01 -0.05 0.1 0.01 -0.05", "0.1 0.01 -0.05 -0.06 0.01 -0.05"]
+)
+def test_a_level_capsule_is_a_line(frame, ends):
+    """Its contact points are below its ends, the front one first, seen from any frame."""
+    foot = f'<geom type="capsule" size="0.02" fromto="{ends}"/><site name="sole" euler="{frame}"/>'
+    robot = hp.load_robot(leg(foot), feet=("sole",))
+    assert (robot.feet, robot.corners, robot.on_soles) == (("sole_0", "sole_1"), (2,), False)
+    data = robot.model.createData()
+    pin.framesForwardKinematics(robot.model, data, pin.neutral(robot.model))
+    link, *points = (data.oMf[robot.frame_id(name)] for name in ("link5", *robot.feet))
+    places = [link.actInv(point.translation) for point in points]
+    np.testing.assert_allclose(places, [(0.1, 0.01, -0.07), (-0.06, 0.01, -0.07)], atol=1e-9)
 
 
 @pytest.mark.parametrize("frame", ["0 0 0", "90 0 0", "180 0 0", "0 90 0", "0 -90 30", "20 40 60"])

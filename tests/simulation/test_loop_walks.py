@@ -12,6 +12,7 @@ import pytest
 from looped_robots import ROBOTS
 from needs import needs_compiler
 from same_optimum import same_optimum
+from sprung_robot import sprung, sprung_text
 
 import harpy_pin as hp
 from harpy_pin.errors import InputError
@@ -33,6 +34,9 @@ NAMES = ("four_bar", "parallel_ankle", "harpy_built")
 
 @cache
 def looped(name):
+    if name == "sprung":
+        pytest.importorskip("mujoco")
+        return sprung(Path(mkdtemp()))
     return hp.load_robot(name) if name == "harpy_built" else ROBOTS[name](Path(mkdtemp()))
 
 
@@ -89,9 +93,11 @@ def test_a_walk_in_mujoco_keeps_the_loops_closed():
     np.testing.assert_allclose(ankles, robot.closed(plant.q)[passive], rtol=0, atol=2e-3)
 
 
-@pytest.mark.parametrize(("name", "most"), [("four_bar", 80.0), ("parallel_ankle", 120.0)])
+@pytest.mark.parametrize(
+    ("name", "most"), [("four_bar", 80.0), ("parallel_ankle", 120.0), ("sprung", 120.0)]
+)
 def test_the_condensed_optimum_is_that_of_the_program(name, most):
-    """Limbs that their feet determine, of three driven joints and of six."""
+    """Limbs that their feet determine, of three driven joints and of six; five with a line."""
     robot = looped(name)
     same_optimum(
         robot,
@@ -206,3 +212,25 @@ def test_the_papers_walk_on_harpy_as_built(controller, plant):
     run = hp.walk(hp.Scenario(controller=controller, plant=plant, duration=3.0), gait=gait)
     assert run.ending == "completed"
     assert run["q"][-1, 0] == pytest.approx(0.6, abs=0.05)
+
+
+def test_a_robot_whose_springs_are_held_walks_with_live_ones(tmp_path):
+    """In MuJoCo's own model of its file, which the controller does not share: springs bend, and
+    rods spin. Its feet are bars, whose ends the controller knows.
+    """
+    mujoco = pytest.importorskip("mujoco")
+    robot, model = sprung(tmp_path), mujoco.MjModel.from_xml_string(sprung_text())
+    data, bridge = mujoco.MjData(model), hp.MujocoBridge(model, robot)
+    gait = hp.WalkingGait(robot, velocity=(0.25, 0.0, 0.0))
+    controller = hp.make_controller("condensed", gait, mu=0.6, contact_damping=50.0)
+    bridge.place(gait.initial_state(), data)
+    mujoco.mj_forward(model, data)
+    bent = 0.0
+    while data.time < 2.5:
+        bridge.write(controller.step(bridge.read(data)), data)
+        mujoco.mj_step(model, data)
+        bent = max(bent, abs(data.joint("left_spring").qpos[0]))
+    assert bent > 0.03
+    assert data.qpos[2] > 0.8
+    assert data.qpos[0] == pytest.approx(0.25 * 2.5, abs=0.15)
+    assert abs(data.qpos[1]) < 0.1

@@ -14,6 +14,7 @@ from collections.abc import Callable, Iterable
 from contextlib import suppress
 from functools import cache
 from importlib.util import find_spec
+from pathlib import Path
 
 import pytest
 
@@ -22,6 +23,9 @@ from harpy_pin.kernels import compiler
 from harpy_pin.model.catalogue import installed_data
 from harpy_pin.simulation.mujoco import installed_version
 from harpy_pin.view.page.film import find_chromium
+
+CASSIE = Path(__file__).parents[2] / "out/clones/mujoco_menagerie/agility_cassie/scene.xml"
+"""In a clone of google-deepmind/mujoco_menagerie."""
 
 
 @cache
@@ -63,6 +67,7 @@ CHECKS: dict[str, Callable[[], object | None]] = {
     "robots": installed_data,
     "mujoco": installed_version,
     "xacrodoc": lambda: find_spec("xacrodoc"),
+    "menagerie": lambda: CASSIE if CASSIE.is_file() else None,
 }
 """Programs and extras by the names that marks use; a check returns None where one is missing."""
 

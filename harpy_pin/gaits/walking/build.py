@@ -55,7 +55,7 @@ class Build:
 
 def build_of(robot: Robot, q: Vector, w: WalkingParameters) -> Build:
     """How a robot with feet is built that stands in the configuration q."""
-    soles = bool(robot.flat_feet)
+    soles = robot.on_soles
     posed, model = Posed(robot, q), robot.model
     centre = posed.centre - q[:3]
     point = np.array([posed.frame(name).translation - q[:3] for name in robot.feet])
@@ -71,7 +71,7 @@ def build_of(robot: Robot, q: Vector, w: WalkingParameters) -> Build:
         if len(robot.corners) > 2 and leg.knee > 1:
             beside[k] = place[k, 1] + q[1] - posed.joint(leg.joints[0])[1]
         top = max(leg.knee - 1, 0)
-        for n in (top,) if robot.corners[k] == 1 else range(max(leg.knee, 1)):  # soles roll, too
+        for n in (top,) if robot.corners[k] < 3 else range(max(leg.knee, 1)):  # soles roll, too
             column = leg.columns[n]
             arm = float(posed.joint(leg.joints[n])[2] - q[2] - place[k, 2])
             swings.append(arm * limit[column - 6] / float(inertia[column, column]))
@@ -103,7 +103,7 @@ def build_of(robot: Robot, q: Vector, w: WalkingParameters) -> Build:
         turning=turning,
         knee=moment / min(knees) if soles else 0.0,
         narrow=inner if soles else w.narrow * rise,
-        sole=sides.max(axis=0),
+        sole=sides.max(axis=0) if soles else np.zeros(2),
         point_body=np.array([frame.parentJoint - 1 for frame in frames], dtype=np.int64),
         point_offset=np.array([frame.placement.translation for frame in frames]),
         corner=corner,

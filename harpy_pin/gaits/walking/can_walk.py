@@ -32,6 +32,7 @@ def why_no_walk(robot: Robot) -> str:
             return SHORT_LEG.format(robot.name)
         jacobian = np.mean([posed.jacobian(name) for name in leg.points], axis=0)
         level = jacobian[:, leg.columns][[0, 4, 1, 3]]  # (forward, pitch, aside, roll)
+        level = level[:3] if len(leg.points) == 2 else level  # a line rolls
         level[[0, 2]] /= leg_length(robot)
         way, size, _ = np.linalg.svd(level)
         if len(leg.points) > 1 and size[-1] < DIRECTION:

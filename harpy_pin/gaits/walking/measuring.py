@@ -130,7 +130,7 @@ def _measure_feet(p: WalkingRecord, m: MeasuredRecord, foot_force: Vector) -> No
         x, y = m.point[n, :2] - m.place[k, :2]
         along[k] += b.corner[n, 0] * x + b.corner[n, 1] * y
         across[k] += b.corner[n, 0] * y - b.corner[n, 1] * x
-    m.turned[:] = np.where(b.soles, np.arctan2(across, along), m.heading)
+    m.turned[:] = np.where(feet < m.point.shape[0], np.arctan2(across, along), m.heading)
 
 
 @kernel

@@ -201,7 +201,7 @@ def walking_record(
             spread=nominal - middle[group],
             sways=np.int64(sways),
             always=np.int64(steps_at_rest or balances),
-            holds_heading=np.int64(soles or feet > 2),
+            holds_heading=np.int64(len(robot.feet) > feet or feet > 2),
             steps_over=np.int64(0),
             ground_reach=0.0,
             fast_load_ramp=w.fast_load_ramp if pace.gentle else 1.0,

@@ -171,7 +171,7 @@ class WalkingGait(FollowsVelocity):
         On soles the largest velocities fall with it. A speed that was given stays. Below the
         parameter ``firm`` steps change, too.
         """
-        if not self.robot.flat_feet:
+        if not self.robot.on_soles:
             return
         w, pace, build, group = self.parameters, self._record_["pace"], self._build, self._group
         share, (fastest, aside) = min(mu / w.full_grip, 1.0), self._firm

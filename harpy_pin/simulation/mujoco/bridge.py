@@ -19,8 +19,9 @@ from harpy_pin.model.dynamics import DynamicsRecord, dynamics_record
 from harpy_pin.model.entry import as_command
 from harpy_pin.model.loops import residual_of
 from harpy_pin.model.mjcf import plain_name, sphere_radius
-from harpy_pin.model.mjcf_loops import driven_joints, joint_name, read_ties, refuse_loops
+from harpy_pin.model.mjcf_loops import driven_joints, read_ties, refuse_loops
 from harpy_pin.model.mjcf_options import enabled_actuators
+from harpy_pin.model.mjcf_rods import hinge_names
 from harpy_pin.model.record import RecordOf, make_record
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Command, State, Vector
@@ -312,7 +313,7 @@ class MujocoBridge(Conventions):
         of_tree = np.flatnonzero(np.isin(self.model.jnt_bodyid, self._at_zero.bodies))
         more = [
             self.model.joint(number).name
-            for number in np.setdiff1d(of_tree, [self.free, *self._tree])
+            for number in np.setdiff1d(of_tree, [self.free, *self._tree, *self._at_zero.resting])
         ]
         if more:
             raise InputError(
@@ -329,9 +330,8 @@ class MujocoBridge(Conventions):
         if own is not None:
             rows = len(residual_of(robot.model, own.ties, robot.closed(robot.reference))[0])
         if ties and own is not None:
-            order = [
-                here.built.getJointId(joint_name(here.model, n)) - ROOT - 1 for n in self._tree
-            ]
+            names = hinge_names(here.model, self._tree)
+            order = [here.built.getJointId(name) - ROOT - 1 for name in names]
             q, spread = pin.neutral(here.built), np.zeros((here.built.nv, robot.nv))
             q[7:][order] = own.angles
             spread[6:][order] = robot.velocity_map(robot.reference)[6:]

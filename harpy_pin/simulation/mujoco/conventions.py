@@ -28,6 +28,7 @@ from harpy_pin.kernels import kernel
 from harpy_pin.model.memory import fixed_arrays
 from harpy_pin.model.mjcf import find_joints, free_joint
 from harpy_pin.model.mjcf_loops import import_mujoco as import_mujoco
+from harpy_pin.model.mjcf_rods import set_hinges
 from harpy_pin.model.record import RecordOf, Records, make_record
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import State, Vector
@@ -166,8 +167,12 @@ class Conventions:
             numbers = self._tree[np.array(self._robot.loops.passive) - ROOT - 1]
             moved = [self._robot.model.joints[j] for j in self._robot.loops.passive]
             tree, speed = self._robot.closed(q), self._robot.velocity_map(q) @ v
-            qpos[self._model.jnt_qposadr[numbers]] = tree[[joint.idx_q for joint in moved]]
-            qvel[self._model.jnt_dofadr[numbers]] = speed[[joint.idx_v for joint in moved]]
+            angles, speeds = tree[[j.idx_q for j in moved]], speed[[j.idx_v for j in moved]]
+            set_hinges(self._model, numbers, angles, speeds, qpos, qvel)
+        qpos[self._model.jnt_qposadr[self._at_zero.resting]] = self._model.qpos_spring[
+            self._model.jnt_qposadr[self._at_zero.resting]
+        ]
+        qvel[self._model.jnt_dofadr[self._at_zero.resting]] = 0.0
 
     def __reduce__(self) -> tuple[Any, ...]:
         return partial(type(self), prefix=self.prefix), (self.model, self.robot)

@@ -11,8 +11,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from harpy_pin.errors import InputError
 from harpy_pin.model.mjcf import build_tree, left_out, named, placement
-from harpy_pin.model.mjcf_loops import joint_name
 from harpy_pin.model.mjcf_options import disabled, in_effect
+from harpy_pin.model.mjcf_rods import BALL, HINGE, SLIDE, held_springs, hinge_names
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
 from harpy_pin.model.tree import SLIDING, tree_record
@@ -23,7 +23,6 @@ LENGTH = 1e-3  # distance by which places may differ, m
 ANGLE = 1e-2  # angle by which axes may differ, rad
 MAX_TURN, MAX_SHIFT = 0.2, 0.05
 """Difference of axes, and distance, m, beyond which a joint has another direction, axis or zero."""
-HINGE, SLIDE = 3, 2  # ``mujoco.mjtJoint``
 LEAST = 1e-6  # masses, inertias and friction below it are none
 INFINITE = np.array([[-np.inf], [np.inf]])
 ENDLESS = 1e3  # angles or lengths beyond it are no end of a joint
@@ -58,6 +57,7 @@ class AtZero:
         theirs: numbers of the model's links and joints, in the robot's order.
         ours: of the robot's.
         names: of its joints, passive ones, too.
+        resting: numbers of the model's joints that stiff springs hold.
         foot: (feet, 3) places of the feet, m.
     """
 
@@ -67,7 +67,8 @@ class AtZero:
         self.mujoco, self.robot, self.joints, self.model = mujoco, robot, joints, in_effect(model)
         self.names, kinds = tree_joints(robot), tree_record(robot.model)["kind"][0, 1:]
         for joint, name, kind in zip(joints, self.names, kinds, strict=True):
-            if model.jnt_type[joint] != (SLIDE if kind == SLIDING else HINGE):
+            rod = model.jnt_type[joint] == BALL and np.sum(joints == joint) == 2
+            if not rod and model.jnt_type[joint] != (SLIDE if kind == SLIDING else HINGE):
                 desired = "slide" if kind == SLIDING else "turn about one axis"
                 raise InputError(
                     f"joint '{name}' of the MuJoCo model does not {desired}, as the robot's",
@@ -75,7 +76,9 @@ class AtZero:
                 )
         self.bodies = np.flatnonzero(model.body_rootid == model.jnt_bodyid[free])
         self.built, self.held = built, held = build_tree(self.model, self.bodies, joints)
-        names, data = [joint_name(model, joint) for joint in joints], built.createData()
+        names, data = hinge_names(model, joints), built.createData()
+        of_tree = np.flatnonzero(np.isin(model.jnt_bodyid, self.bodies))
+        self.resting = held_springs(self.model, np.setdiff1d(of_tree, joints))
         self.theirs = _numbers(built, data, names)
         numbers = {
             ROOT: ROOT,
