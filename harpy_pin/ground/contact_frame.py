@@ -7,11 +7,15 @@ turns the vertical into the normal: of level ground it is the identity, digit fo
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from harpy_pin.kernels import kernel
-from harpy_pin.model.dynamics import DynamicsRecord
 from harpy_pin.model.state import Vector
+
+if TYPE_CHECKING:
+    from harpy_pin.model.dynamics import DynamicsRecord
 
 LENGTH = 1e-6
 """Largest error of a normal's squared length."""
