@@ -30,8 +30,8 @@ in its length.
 """
 SHORT = 1e-3
 """Least length of a rod, m."""
-WEIGHT = 9.81
-"""Of a kilogram, N."""
+GRAVITY = 9.81
+"""m/s²."""
 
 
 def held_springs(model: Any, joints: NDArray[np.int64]) -> NDArray[np.int64]:
@@ -60,8 +60,8 @@ def held_springs(model: Any, joints: NDArray[np.int64]) -> NDArray[np.int64]:
                 carried.append(other)
         places = np.vstack((data.xpos[carried], data.xipos[carried]))
         reach = float(np.linalg.norm(places - data.xanchor[joint], axis=1).max())
-        weight = WEIGHT * float(model.body_subtreemass[model.body_rootid[body]])
-        if weight * reach < SOFT * model.jnt_stiffness[joint]:
+        load = GRAVITY * float(model.body_subtreemass[model.body_rootid[body]])
+        if load * reach < SOFT * model.jnt_stiffness[joint]:
             found.append(joint)
     return np.array(found, np.int64)
 
