@@ -23,7 +23,7 @@ from comparison.studies.worlds import random_walk
 from comparison.study import Job, Study, View, fell, median, most
 from comparison.worlds.walk import followed
 from harpy_pin.errors import InputError
-from harpy_pin.model.mjcf_rods import WEIGHT
+from harpy_pin.model.mjcf_rods import GRAVITY
 from harpy_pin.simulation.mujoco.conventions import import_mujoco
 
 FEET = ("left-foot", "right-foot")
@@ -94,7 +94,7 @@ def _measured(job: Job) -> dict[str, Any]:
     walker.bridge.place((q, v), data)
     mujoco.mj_forward(model, data)
     found = followed(job, walker.bridge, data, walker.act, EVERY)
-    return found | {"force": walker.force / WEIGHT / robot.mass, "bent": walker.bent}
+    return found | {"force": walker.force / GRAVITY / robot.mass, "bent": walker.bent}
 
 
 def _jobs(s: Any) -> Iterator[Job]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from harpy_pin.errors import InputError, install_line
 from harpy_pin.model.loops import Coupling, Loop, Tie
 from harpy_pin.model.mjcf_options import enabled_actuators
+from harpy_pin.model.state import Vector
 
 JOINT_IN_PARENT = 1  # ``mujoco.mjtTrn``; a joint's own is 0
 SITE = 3  # ``mujoco.mjtWrap``
@@ -89,17 +90,28 @@ def read_ties(
             first = model.tendon_adr[ends[0]]
             length = float(model.tendon_length0[ends[0]] + data[0])
             ends = model.wrap_objid[first : first + 2].tolist()
-        elif model.eq_objtype[number] == int(import_mujoco().mjtObj.mjOBJ_SITE):
-            sites = True
+        places = sites_at(model, ends) if sites else connected(model, number)
         names = [f"loop:{number}:{end}" for end in ("first", "second")]
-        for k, (name, end) in enumerate(zip(names, ends, strict=True)):
-            body = int(model.site_bodyid[end]) if sites else end
+        for name, (body, at) in zip(names, places, strict=True):
             joint, place = held[body]
-            at = model.site_pos[end] if sites else data[3 * k : 3 * k + 3]
-            place = place * pin.SE3(np.eye(3), np.array(at))
+            place = place * pin.SE3(np.eye(3), at)
             built.addFrame(pin.Frame(name, joint, place, pin.FrameType.OP_FRAME))
         found.append(Loop(names[0], names[1], "length" if length else "point", length))
     return tuple(found)
+
+
+def connected(model: Any, number: int) -> list[tuple[int, Vector]]:
+    """Body and place there of both ends of a ``<connect>``."""
+    ends = [int(model.eq_obj1id[number]), int(model.eq_obj2id[number])]
+    if model.eq_objtype[number] == int(import_mujoco().mjtObj.mjOBJ_SITE):
+        return sites_at(model, ends)
+    places = np.array(model.eq_data[number, :6]).reshape(2, 3)
+    return list(zip(ends, places, strict=True))
+
+
+def sites_at(model: Any, sites: Sequence[int]) -> list[tuple[int, Vector]]:
+    """Body and place there of sites."""
+    return [(int(model.site_bodyid[site]), np.array(model.site_pos[site])) for site in sites]
 
 
 def _tied_bodies(model: Any, number: int, kind: str) -> Any:

@@ -14,7 +14,7 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from harpy_pin.errors import InputError
-from harpy_pin.model.mjcf_loops import driven_joints, import_mujoco, joint_name
+from harpy_pin.model.mjcf_loops import connected, driven_joints, import_mujoco, joint_name
 from harpy_pin.model.mjcf_options import enabled_actuators
 from harpy_pin.model.state import Vector
 
@@ -22,8 +22,7 @@ FREE, BALL, SLIDE, HINGE = range(4)  # ``mujoco.mjtJoint``
 SECOND = "_2"
 """Behind the name of a rod's second hinge."""
 SOFT = 0.25
-"""A spring is held that the robot's weight, at the farthest of what it carries, bends by less,
-rad, or share of that way.
+"""A spring is held that the robot's weight, at the farthest of what it carries, bends by less, rad.
 """
 THIN = 0.01
 """Largest inertia of a rod about itself, in that across it, and distance of its mass from its line,
@@ -31,23 +30,25 @@ in its length.
 """
 SHORT = 1e-3
 """Least length of a rod, m."""
-WEIGHT = 9.81
-"""Of a kilogram, N."""
+GRAVITY = 9.81
+"""m/s²."""
 
 
 def held_springs(model: Any, joints: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Those of some joints that have no motor, and a stiff spring; none where no joint has a motor.
+    """Those of some joints that turn, have a stiff spring and no motor, and follow no other joint;
+    none where no joint has a motor.
 
     Args:
         model: ``mujoco.MjModel``.
         joints: of one robot.
     """
-    acting = driven_joints(model)[enabled_actuators(model)]
-    sprung = joints[(model.jnt_stiffness[joints] > 0.0) & (model.jnt_type[joints] >= SLIDE)]
-    sprung = sprung[~np.isin(sprung, acting)]
+    mujoco, acting = import_mujoco(), driven_joints(model)[enabled_actuators(model)]
+    coupled = (model.eq_type == int(mujoco.mjtEq.mjEQ_JOINT)) & (model.eq_active0 != 0)
+    moved = np.concatenate((acting, model.eq_obj1id[coupled], model.eq_obj2id[coupled]))
+    sprung = joints[(model.jnt_stiffness[joints] > 0.0) & (model.jnt_type[joints] == HINGE)]
+    sprung = sprung[~np.isin(sprung, moved)]
     if not len(sprung) or not (acting >= 0).any():
         return np.zeros(0, np.int64)
-    mujoco = import_mujoco()
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
     found = []
@@ -59,9 +60,8 @@ def held_springs(model: Any, joints: NDArray[np.int64]) -> NDArray[np.int64]:
                 carried.append(other)
         places = np.vstack((data.xpos[carried], data.xipos[carried]))
         reach = float(np.linalg.norm(places - data.xanchor[joint], axis=1).max())
-        weight = WEIGHT * float(model.body_subtreemass[model.body_rootid[body]])
-        arm = reach if model.jnt_type[joint] == HINGE else 1.0 / reach
-        if weight * arm < SOFT * model.jnt_stiffness[joint]:
+        load = GRAVITY * float(model.body_subtreemass[model.body_rootid[body]])
+        if load * reach < SOFT * model.jnt_stiffness[joint]:
             found.append(joint)
     return np.array(found, np.int64)
 
@@ -70,8 +70,6 @@ def at_rest(model: Any, joint: int) -> pin.SE3:
     """What a held spring moves its body, in the body's frame."""
     place, axis, arm = model.jnt_qposadr[joint], model.jnt_axis[joint], model.jnt_pos[joint]
     bent = float(model.qpos_spring[place] - model.qpos0[place])
-    if model.jnt_type[joint] == SLIDE:
-        return pin.SE3(np.eye(3), bent * axis)
     turn = pin.exp3(bent * axis)
     return pin.SE3(turn, arm - turn @ arm)
 
@@ -84,7 +82,9 @@ def across(model: Any, joint: int) -> Vector:
         InputError: the body is no rod.
     """
     name, body = joint_name(model, joint), int(model.jnt_bodyid[joint])
-    ends = [end for pair in _connects(model) for end in pair if end[0] == body]
+    connects = model.eq_type == int(import_mujoco().mjtEq.mjEQ_CONNECT)
+    numbers = np.flatnonzero(connects & (model.eq_active0 != 0)).tolist()
+    ends = [end for number in numbers for end in connected(model, number) if end[0] == body]
     alone = int(model.body_jntnum[body]) == 1 and body not in model.body_parentid
     if not alone or len(ends) != 1 or joint in driven_joints(model)[enabled_actuators(model)]:
         raise InputError(
@@ -113,24 +113,6 @@ def across(model: Any, joint: int) -> Vector:
     first = np.cross(line, np.eye(3)[np.argmin(np.abs(line))])
     first /= np.linalg.norm(first)
     return np.column_stack((first, np.cross(line, first), line))
-
-
-def _connects(model: Any) -> list[list[tuple[int, Vector]]]:
-    """Body and place of both ends of each ``<connect>``."""
-    mujoco, found = import_mujoco(), []
-    for number in np.flatnonzero(model.eq_active0 != 0).tolist():
-        if model.eq_type[number] != int(mujoco.mjtEq.mjEQ_CONNECT):
-            continue
-        ends = model.eq_obj1id[number], model.eq_obj2id[number]
-        if model.eq_objtype[number] == int(mujoco.mjtObj.mjOBJ_SITE):
-            pair = [(int(model.site_bodyid[end]), np.array(model.site_pos[end])) for end in ends]
-        else:
-            pair = [
-                (int(end), np.array(model.eq_data[number, 3 * k : 3 * k + 3]))
-                for k, end in enumerate(ends)
-            ]
-        found.append(pair)
-    return found
 
 
 def hinged(model: Any, joints: NDArray[np.int64]) -> NDArray[np.int64]:

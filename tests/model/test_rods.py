@@ -175,6 +175,14 @@ def test_what_is_no_rod_or_no_stiff_spring_is_refused_in_a_sentence(text, error,
     assert "\n" not in str(caught.value)
 
 
+def test_a_joint_with_a_spring_that_follows_another_one_is_not_held():
+    tie = '<joint joint1="left_spring" joint2="left_knee" polycoef="0 0.1 0 0 0"/></equality>'
+    given = loaded(sprung_text().replace("</equality>", tie))
+    names = [given.model.names[k] for k in given.loops.passive]
+    assert "left_spring" in names
+    assert "right_spring" not in given.model.names
+
+
 def test_a_model_without_motors_has_no_springs_that_hold():
     """Its joints may be driven from outside, against their springs."""
     text = sprung_text()
