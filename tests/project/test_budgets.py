@@ -16,11 +16,11 @@ import harpy_pin
 ROOT = Path(__file__).resolve().parents[2]
 CONTRIB = "harpy_pin/contrib/"
 STATEMENTS = {
-    "harpy_pin": 26_090,
-    CONTRIB: 5_320,
+    "harpy_pin": 26_030,
+    CONTRIB: 5_300,
     "reproduction": 2_080,
     "comparison": 7_480,
-    "tests": 28_570,
+    "tests": 28_550,
 }
 """Most statements of the Python files that Git tracks in a folder; ``harpy_pin`` is without
 contrib.
