@@ -86,7 +86,7 @@ def make_stage(gait: Gait, parameters: WholeBodyParameters) -> Stage:
         memory=fields(make_record(JointFrictionEstimateRecord, sizes, period=period)),
         before_tasks=(estimate_joint_friction,),
         after_optimum=(note_inputs,),
-        signals={"viscous_estimate": ("viscous",), "coulomb_estimate": ("coulomb",)},
+        signals={"viscous_estimate": "viscous", "coulomb_estimate": "coulomb"},
     )
 
 

@@ -37,8 +37,7 @@ class Stage:
             one after the last: with three the optimum is found twice. ``lower`` and ``upper`` are
             the limits of thrusts and torques, ``inputs`` those of the last optimum, and ``usable``
             says whether there was one. They write the command's thrusts.
-        signals: what is logged, by name: the memory's field, and an index where it is a part of
-            that.
+        signals: what is logged, by name: a field of the memory, or a field and an index in it.
 
     Raises:
         InputError: a name that is no Python name, memory that is no numbers, or kernels that are
@@ -52,7 +51,7 @@ class Stage:
     after_optimum: Stages = ()
     closing: Stages = ()
     around_optimum: Stages = ()
-    signals: Mapping[str, tuple[Any, ...]] = field(default_factory=dict)
+    signals: Mapping[str, str | tuple[Any, ...]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         if not (isinstance(self.name, str) and self.name.isidentifier()):
@@ -71,9 +70,13 @@ class Stage:
         except (TypeError, ValueError) as error:
             message = f"memory of a stage must be numbers and arrays: {error}"
             raise InputError(message, name="memory", value=self.memory) from None
-        for signal, place in checks.mapping("signals", self.signals).items():
-            checks.one_of(f"field of the signal {shown(signal)}", place[0], self.memory)
-        checks.keep(self, record=record)
+        given = checks.mapping("signals", self.signals).items()
+        places = {name: place if isinstance(place, tuple) else (place,) for name, place in given}
+        for name, place in places.items():
+            checks.one_of(
+                f"field of the signal {shown(name)}", next(iter(place), None), self.memory
+            )
+        checks.keep(self, signals=places, _record=record)
 
 
 PHASES = ("before_tasks", "after_tasks", "after_optimum", "closing", "around_optimum")

@@ -95,7 +95,7 @@ def _friction_stage(robot: Robot, p: WholeBodyParameters) -> Stage | None:
         name="friction",
         memory=fields(record),
         after_tasks=(estimate_friction,),
-        signals={"friction_estimate": ("estimate",)},
+        signals={"friction_estimate": "estimate"},
     )
 
 
@@ -154,7 +154,7 @@ class TaskController(GaitController):
             if stage.name in parts:
                 message = f"'{stage.name}' is a name that the controller's record has"
                 raise InputError(message, name="stages", value=stage)
-            parts[stage.name] = stage.record
+            parts[stage.name] = stage._record
         record: Any = make_record(None, **parts)
         self.dynamics = Dynamics(robot, record=record["dynamics"])
         self.targets = WholeBodyTargets(robot, record=record["targets"])
@@ -181,4 +181,4 @@ class TaskController(GaitController):
         super().reset()
         self._record_["inputs"] = 0
         for stage in self._stages:
-            self._record_[stage.name] = stage.record
+            self._record_[stage.name] = stage._record

@@ -199,13 +199,14 @@ def test_a_stage_of_ones_own(name, settings):
     stage = Stage(
         name="own",
         memory={"count": 0.0, "order": np.zeros(4)},
-        signals={"order": ("order",), "last": ("order", 3)},
+        signals={"order": "order", "last": ("order", 3)},
         **{phase: (mark(k),) for k, phase in enumerate(PHASES)},
     )
     plain = with_stage(name, settings)
     controller, state = with_stage(name, settings, stage), standing()
     command, expected = controller.step(state), plain.step(state)
-    np.testing.assert_array_equal(command.torque, expected.torque)
+    exact = name == "condensed" or settings  # ProxQP rounds as its memory lies
+    np.testing.assert_allclose(command.torque, expected.torque, atol=0.0 if exact else 1e-3)
     np.testing.assert_array_equal(controller.telemetry()["order"], (1, 2, 3, 4))
     other = copy.deepcopy(controller)
     state.q[0] = np.nan
@@ -224,7 +225,7 @@ def test_a_stage_around_the_optimum(name, settings):
         name="own",
         memory={"solved": 0.0, "widest": 0.0, "torque": np.zeros(6)},
         around_optimum=(begin, between, between),
-        signals={"solved": ("solved",), "widest": ("widest",), "found": ("torque",)},
+        signals={"solved": "solved", "widest": "widest", "found": "torque"},
     )
     controller, state = with_stage(name, settings, stage), standing()
     torque = with_stage(name, settings).step(state).torque
@@ -245,6 +246,8 @@ def test_a_stage_around_the_optimum(name, settings):
         ({"memory": {"x": "a"}}, "numbers and arrays"),
         ({"closing": (print,)}, "kernels in a tuple"),
         ({"signals": {"x": ("y",)}}, "'y'"),
+        ({"signals": {"x": 5}}, "field of the signal 'x'"),
+        ({"signals": {"x": ()}}, "field of the signal 'x'"),
     ],
     ids=str,
 )
