@@ -405,3 +405,13 @@ def test_a_walk_that_begins_anew_is_that_of_a_new_gait(solo12, ticks):
             targets.append(gait.update(state.t))
         for name in ("body", "foot_position", "stance"):
             np.testing.assert_array_equal(*(getattr(target, name) for target in targets))
+
+
+@needs_robots
+def test_a_script_begins_anew_with_the_clock_under_a_controller(solo12):
+    gait = hp.WalkingGait(solo12, velocity=((0.0, 0.3, 0.0, 0.0), (0.0495, 0.0, 0.0, 0.0)))
+    controller, state = hp.make_controller("condensed", gait, mu=0.6), made_state(gait, force=6.0)
+    for tick in [*range(100), *range(100)]:
+        state.t = 1e-3 * tick
+        controller.step(state)
+        assert gait.command[0] == (0.3 if tick < 50 else 0.0)

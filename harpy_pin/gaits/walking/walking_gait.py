@@ -200,12 +200,12 @@ class WalkingGait(FollowsVelocity):
         last as long as lifting a foot takes.
 
         Raises:
-            InputError: a reach that is negative or not finite.
+            InputError: a reach that is not above zero, or not finite.
         """
         w, t = self.parameters, terrain.record
         pace, steps = self._record_["pace"], self._record_["steps"]
         self._record_["terrain"] = t
-        pace["ground_reach"] = checks.number("reach", reach, low=0.0)
+        pace["ground_reach"] = checks.number("reach", reach, low=0.0, strict=True)
         if self._build.soles or not (t["pieces"][0] or t["cells"][0, 2]):
             return False
         both = pace["fast_double_support"]
@@ -245,6 +245,10 @@ class WalkingGait(FollowsVelocity):
                 name="gait",
             )
         return super().update(t)
+
+    def _begin(self) -> None:
+        self._time[0] = -1.0
+        super()._begin()
 
     def _take_over(self, velocity: Vector, in_air: NDArray[np.bool_]) -> None:
         """Begin anew at a time zero as a robot that goes: the first step begins at once, and the
