@@ -176,20 +176,6 @@ class Arrays(Numbers):
             self.fill(made, array)
         return made
 
-    def kept(self, name: str, value: Value) -> Value:
-        """A value in variables of its own, before the statement."""
-        if isinstance(value, Number):
-            return self.keep(name, value)
-        if isinstance(value, Items):
-            return Items(tuple(self.kept(name, item) for item in value.items))
-        if isinstance(value, Computed):
-            return self.in_memory(value)
-        if not isinstance(value, View | Record):
-            return value
-        own = self.fresh(name)
-        self.emit("{} = {};", self.unit.declare(value.type, f"const {own}"), value.address)
-        return memory_at(own, value.type, value.roots, value.ways)
-
     def fill(self, place: AnArray, value: Value) -> None:
         """Write every element of an array, from a number, or from an array of its shape."""
         if is_empty(place):

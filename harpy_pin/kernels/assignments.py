@@ -34,6 +34,7 @@ from harpy_pin.kernels.values import (
 SIGNS: dict[type[ast.operator], str] = {ast.Mult: "*=", ast.Add: "+=", ast.Sub: "-="}
 """Operators that change a variable or an element."""
 WRITES = "a call that writes where memory is changed: give its result a name first"
+SWAPPED = "an array that an assignment beside it changes: give it a name first"
 LONG = 16
 """Characters of a value that is written out for each of several targets."""
 
@@ -97,7 +98,8 @@ class Assignments(Parts):
             ):
                 value = self.keep("value", value)
         elif self.effects > effects and isinstance(first, ast.Subscript | ast.Attribute):
-            value = self.kept("value", value)  # before the place that it goes to is looked for
+            # before the place that it goes to is looked for
+            value = self.keep("value", as_number(value, WRITES))
         for target in statement.targets:
             self._assign(target, value)
 
@@ -148,7 +150,7 @@ class Assignments(Parts):
             return value
         code = value.code if isinstance(value, Number) else value.address
         harmed = bool(code.names & names) or (memory and reads(value))
-        return self.kept("next", value) if harmed else value
+        return self.keep("next", as_number(value, SWAPPED)) if harmed else value
 
     def _set(self, name: str, value: Value) -> None:
         """Give a name a value."""

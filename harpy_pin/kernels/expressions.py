@@ -99,10 +99,7 @@ class Expressions(NumpyFunctions):
         """An expression as a condition."""
         if isinstance(node, ast.BoolOp):
             return self._boolop(node, self.truth)
-        value = self.number(node)
-        if value.type is not BOOLEAN and value.constant is not None:
-            return self.constant(bool(value.constant))
-        return self.cast(value, BOOLEAN)
+        return self.cast(self.number(node), BOOLEAN)
 
     def known(self, found: Any, name: str = "") -> Value:
         """A value of Python that a kernel's source names: a number, a kernel, a module, a

@@ -23,10 +23,10 @@ class RecordView(np.ndarray[Any, np.dtype[np.void]]):
     def __getitem__(self, key: Any) -> Any:
         part = super().__getitem__(key)
         if not isinstance(part, np.ndarray):
-            return read_only(plain(self))[key]
+            return read_only(self.view(np.ndarray))[key]
         if part.dtype.names:
             return part
-        return read_only(plain(part)) if part.dtype.kind == "i" else plain(part)
+        return read_only(part.view(np.ndarray)) if part.dtype.kind == "i" else part.view(np.ndarray)
 
     def __setitem__(self, key: Any, value: Any) -> None:
         if not _is_free(self.dtype[key] if isinstance(key, str) else self.dtype):
@@ -41,11 +41,6 @@ def _is_free(kind: np.dtype[Any]) -> bool:
     if kind.names:
         return all(_is_free(kind[name]) for name in kind.names)
     return kind.base.kind == "f"
-
-
-def plain(value: Any) -> Any:
-    """A record as an array like any other; other values as they are."""
-    return value.view(np.ndarray) if isinstance(value, RecordView) else value
 
 
 def read_only(array: _Array) -> _Array:

@@ -331,6 +331,13 @@ def at_a_moving_place(a, b):
     b[int(a[0])] += moved(a)
 
 
+@kernel
+def swapped_at_once(a, b):
+    x, y = a[:2], b[:2]
+    x, y = y, x
+    x[0] = y[0]
+
+
 @kernel(a=(3, 3))
 def twice_chosen(a, rows):
     a[rows, rows] = 0.0
@@ -340,6 +347,7 @@ def twice_chosen(a, rows):
     ("function", "arguments", "reason"),
     [
         (at_a_moving_place, (np.ones(3), np.ones(3)), "give its result a name first"),
+        (swapped_at_once, (np.ones(3), np.ones(3)), "give it a name first"),
         (twice_chosen, (np.eye(3), np.array([0, 1])), "anything but one vector of integers"),
         (product_in_place, (np.eye(3), np.eye(3)), "writes to 'out' what it reads as 'a'"),
         (unequal, (np.ones((3, 4)),), "where .* is needed"),

@@ -41,7 +41,9 @@ def swapped_arrays(a, b):
     x, y = a[0:2], b[1:3]
     for i in range(3):
         x[0] += 1.0 + i
-        x, y = y, x
+        z = x
+        x = y
+        y = z
     row = a[1:4]
     row, first = row[1:3], row[0]
     return x[0], y[0], row[0], first
