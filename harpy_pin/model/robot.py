@@ -557,7 +557,8 @@ def load_robot(
         for name, joint, _ in parts[1:]
         if limits[joint.idx_v] == 0.0 and joint.id not in followers
     ]
-    _warn(path, "of effort 0, taken as without a limit", unknown)
+    no_loop = "as no closed loop (loops=, --loops) moves them"
+    _warn(path, f"of effort 0, taken as motors without a limit, {no_loop}", unknown)
     lossy = model.damping + model.upperDryFrictionLimit
     rubbing = [model.names[j] for j in followers if lossy[model.joints[j].idx_v] > 0.0]
     _warn(path, "without a motor, whose damping and dry friction are left out", rubbing)

@@ -160,7 +160,7 @@ def linkage(*more, far=0.0, effort=0.0):
             linkage(),
             [("p", "r", "point"), ("r", "u", "length")],
             RobotError,
-            "hold its driven joint 'a': they contradict",
+            "leave its motor at 'a' no motion: they contradict",
         ),
         (linkage(), [("p", "universe", "point")], InputError, "to the world: its base must float"),
         (linkage(), [("r", "s", "point")], InputError, "no joint: both are on one link"),
@@ -171,7 +171,7 @@ def linkage(*more, far=0.0, effort=0.0):
         (linkage(), [7], InputError, "must be .frame, frame, kind."),
         (linkage(), "pr", InputError, "tuple"),
         (linkage(), [("p", "r", "length")], InputError, "has no length"),
-        (linkage(effort=1.0), [("p", "r", "point")], RobotError, "driven joint"),
+        (linkage(effort=1.0), [("p", "r", "point")], RobotError, "too many motors"),
     ],
 )
 def test_hostile_loops_are_refused_in_a_sentence(tmp_path, parts, loops, error, message):
