@@ -5,9 +5,10 @@ With the equations e(q_d, q_p) = 0 of driven and passive joints, A = ∂e/∂q_p
 
     v_p = −(AᵀA)⁻¹ Aᵀ B v_d,    a_p = −(AᵀA)⁻¹ Aᵀ (B a_d + ė's drift)
 
-so that v_tree = T v. With the tree's M and n (n with the passive joints' drift) the robot has the
-mass matrix Tᵀ M T and the bias Tᵀ n. Equations are relative to the base: it moves both ends of a
-loop alike. The loops of a plane have more equations than passive joints, which least squares take.
+so that v_tree = T v. With the tree's M and n (n with the passive joints' drift) and the damping D
+of passive joints the robot has the mass matrix Tᵀ M T and the bias Tᵀ (n + D T v). Equations are
+relative to the base: it moves both ends of a loop alike. The loops of a plane have more equations
+than passive joints, which least squares take.
 """
 
 from __future__ import annotations
@@ -187,9 +188,12 @@ def accelerate_loops(t: TreeRecord, acceleration: Vector) -> None:
 
 @kernel
 def reduce_force(t: TreeRecord, out: Vector) -> None:
-    """Force (nv,) on base and driven joints of that on the tree, ``bias``."""
+    """Force (nv,) on base and driven joints of that on the tree, ``bias``, and of the damping of
+    passive joints.
+    """
     c = t.loops
     nv = out.shape[0]
+    c.bias[nv:] += c.damping * c.v[nv:]
     out[:] = c.bias[:nv]
     out[6:] += c.bias[nv:] @ c.spread[nv - 6 :]
 

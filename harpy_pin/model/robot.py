@@ -559,9 +559,6 @@ def load_robot(
     ]
     no_loop = "as no closed loop (loops=, --loops) moves them"
     _warn(path, f"of effort 0, taken as motors without a limit, {no_loop}", unknown)
-    lossy = model.damping + model.upperDryFrictionLimit
-    rubbing = [model.names[j] for j in followers if lossy[model.joints[j].idx_v] > 0.0]
-    _warn(path, "without a motor, whose damping and dry friction are left out", rubbing)
     if not listed:
         no_inertia = [name for name, _, body in parts if body.mass > 0.0 and not body.inertia.any()]
         _warn(path, "whose body has a mass, no inertia", no_inertia)

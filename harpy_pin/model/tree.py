@@ -39,6 +39,8 @@ class LoopsRecord(RecordOf):
     shift: Vector  # (couplings,) rad
     above: NDArray[np.int64]  # bodies above all loops, parents first
     moved: NDArray[np.int64]  # bodies on the ways round, and between them, parents first
+    damping: Vector  # (passive,) of the passive joints, N·m·s/rad
+    dry: Vector  # (passive,) their dry friction, N·m
     start: Vector  # (tied,) angles at which the loops are closed, rad
     q: Vector = sized("tied + 7")  # configuration of the tree: base, driven, passive
     v: Vector = sized("tied + 6")  # its velocity
@@ -166,7 +168,8 @@ def _loops_record(
     ]
     heights = [3 if tie.kind == "point" else 1 for tie in closing]
     above = [[set(model.supports[end.parentJoint]) for end in ends] for ends in frames]
-    passive = 0 if loops is None else len(loops.passive)
+    moved = [model.joints[j].idx_v for j in (() if loops is None else loops.passive)]
+    passive = len(moved)
     tied = 0 if loops is None else model.njoints - 2
     first = np.cumsum((0, *heights))
     pairs = [[int(column[j - 1]) - 6 for j in joints_of(model, tie)] for tie in couplings]
@@ -198,6 +201,8 @@ def _loops_record(
         shift=np.array([tie.offset for tie in couplings]),
         above=np.array(sorted(ways - inside), np.int64),
         moved=np.array(sorted(ways & inside), np.int64),
+        damping=np.array([model.damping[k] for k in moved]),
+        dry=np.array([model.upperDryFrictionLimit[k] for k in moved]),
         start=start,
         slope=slope,
         spread=np.eye(tied, tied - passive),

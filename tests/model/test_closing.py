@@ -275,15 +275,6 @@ def test_inverse_kinematics_goes_through_loops(tmp_path):
     assert not far.converged
 
 
-def test_damping_of_passive_joints_is_left_out_with_a_warning(tmp_path):
-    path = written(tmp_path, "linkage", linkage())
-    text = path.read_text()
-    assert text.count('damping="0" armature="0.0"') == 2
-    path.write_text(text.replace('damping="0" armature="0.0"', 'damping="0.1"'))
-    with pytest.warns(UserWarning, match="damping and dry friction are left out: 'b' and 1 more"):
-        hp.load_robot(path, feet=(), loops=[("p", "r", "point")])
-
-
 def test_a_configuration_of_another_size_is_refused():
     robot = hp.load_robot("harpy_built")
     for bad in (robot.reference[:-1], np.zeros(5), "q"):

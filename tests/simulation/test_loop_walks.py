@@ -45,7 +45,7 @@ def states(name, count):
         yield here, rng.normal(size=robot.nv)
 
 
-@pytest.mark.parametrize("name", [*NAMES, "coupled"])
+@pytest.mark.parametrize("name", [*NAMES, "coupled", "rubbing"])
 def test_mujocos_accelerations_are_ours(name):
     """With equality constraints as stiff as its steps allow, where the ties are at rest."""
     mujoco, robot = pytest.importorskip("mujoco"), looped(name)
