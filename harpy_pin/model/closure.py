@@ -33,8 +33,8 @@ FARTHEST = 100
 """Most searches on the way from the angles at which the loops are known to be closed."""
 LARGEST_STEP = 0.5
 """Of a passive joint, rad."""
-LAST_STEP = ByPrecision(1e-9, single=1e-4)
-"""Step that ends a search, rad: the error of what follows is its square."""
+LAST_STEP = ByPrecision(1e-10, single=1e-5)
+"""Step that is too small to be taken, rad."""
 LEFT = ByPrecision(1e-8, single=1e-4)
 """Residual of loops that are closed, m or rad."""
 MIN_PIVOT = 1e-12
@@ -43,7 +43,9 @@ MIN_PIVOT = 1e-12
 
 @kernel
 def close_loops(t: TreeRecord, q: Vector, v: Vector) -> None:
-    """Configuration and velocity of the tree at a state q, v of base and driven joints."""
+    """Configuration and velocity of the tree at a state q, v of base and driven joints, and
+    placement and velocity of every body but the base.
+    """
     c = t.loops
     driven, searches = c.move.shape[0], 1
     here, passive = c.q[7 : 7 + driven], c.q[7 + driven :]
@@ -63,6 +65,10 @@ def close_loops(t: TreeRecord, q: Vector, v: Vector) -> None:
         c.closed = _search(t)
     here[:] = given
     c.v[6:] = c.spread @ v[6 : 6 + driven]
+    for m in range(c.beyond.shape[0]):
+        place_body(t, c.q, c.beyond[m])
+    for i in range(1, t.parent.shape[0]):
+        t.twist[i] = t.twist[t.parent[i]] + c.v[t.column[i]] * t.screw[i]
 
 
 @kernel
@@ -80,9 +86,9 @@ def _search(t: TreeRecord) -> int:
         factorise(c.normal, c.normal, MIN_PIVOT)
         c.step[:] = c.slope[:, driven:].T @ c.residual
         solve_vector(c.normal, c.step)
-        c.q[7 + driven :] -= np.clip(c.step, -LARGEST_STEP, LARGEST_STEP)
         if np.max(abs(c.step)) < LAST_STEP:
             break
+        c.q[7 + driven :] -= np.clip(c.step, -LARGEST_STEP, LARGEST_STEP)
     spread = c.spread[driven:]
     spread[:] = -(c.slope[:, driven:].T @ c.slope[:, :driven])
     solve_transposed(c.normal, spread, driven)

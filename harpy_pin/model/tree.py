@@ -39,6 +39,7 @@ class LoopsRecord(RecordOf):
     shift: Vector  # (couplings,) rad
     above: NDArray[np.int64]  # bodies above all loops, parents first
     moved: NDArray[np.int64]  # bodies on the ways round, and between them, parents first
+    beyond: NDArray[np.int64]  # all other bodies, parents first
     damping: Vector  # (passive,) of the passive joints, N·m·s/rad
     dry: Vector  # (passive,) their dry friction, N·m
     start: Vector  # (tied,) angles at which the loops are closed, rad
@@ -201,6 +202,7 @@ def _loops_record(
         shift=np.array([tie.offset for tie in couplings]),
         above=np.array(sorted(ways - inside), np.int64),
         moved=np.array(sorted(ways & inside), np.int64),
+        beyond=np.array(sorted({*range(1, tied + 1)} - ways), np.int64),
         damping=np.array([model.damping[k] for k in moved]),
         dry=np.array([model.upperDryFrictionLimit[k] for k in moved]),
         start=start,
