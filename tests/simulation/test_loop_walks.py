@@ -14,12 +14,12 @@ from needs import needs_compiler
 from same_optimum import same_optimum
 
 import harpy_pin as hp
+from comparison.studies.built import built_harpy
 from harpy_pin.errors import InputError
 from harpy_pin.export.exported_controllers import exportable_walk
 from harpy_pin.export.folder import write_folder
 from harpy_pin.export.recording import answers, record
 from harpy_pin.gaits.straight import GaitParameters, StraightGait
-from harpy_pin.model.catalogue import CATALOGUE, own_urdf
 from harpy_pin.model.kinematics import LegGeometry, leg_inverse_kinematics, leg_jacobian
 from harpy_pin.model.posed import Posed
 from harpy_pin.simulation.mujoco import MujocoPlant
@@ -99,6 +99,22 @@ def test_they_walk(name, plant):
     assert run.ending == "completed"
     assert run["q"][-1, 0] > 0.2
     assert robot_of(run).model == looped(name).model
+
+
+@pytest.mark.parametrize("velocity", [-0.2, -0.4, 0.4])
+@pytest.mark.parametrize("plant", ["compliant", "mujoco"])
+def test_feet_are_raised_as_far_as_knees_bend(plant, velocity):
+    """A linkage whose motor comes to its end holds its foot down, or the robot falls."""
+    if plant == "mujoco":
+        pytest.importorskip("mujoco")
+    robot = looped("four_bar")
+    gait = hp.WalkingGait(robot, velocity=(velocity, 0.0, 0.0))
+    given = hp.WalkingGait(robot, clearance=0.03)
+    assert gait.describe()["clearance"] < 0.025 < given.describe()["clearance"]
+    run = hp.walk(hp.Scenario(controller="condensed", plant=plant, duration=4.0), gait=gait)
+    assert run.ending == "completed"
+    assert run["q"][:, [9, 12]].max() < 0.92  # its end is at 0.9 rad
+    assert run["q"][-1, 0] == pytest.approx(4.0 * velocity, rel=0.2)
 
 
 def test_a_walk_in_mujoco_keeps_the_loops_closed():
@@ -181,29 +197,10 @@ def test_what_does_not_know_loops_says_so():
         hp.wbc.FrameTask("base").rows(dynamics, state)
 
 
-@cache
-def governed():
-    """Harpy as it is built with the thrusters that the paper has: fixed, in any direction."""
-    text = own_urdf("harpy_built.urdf").read_text()
-    for side in ("left", "right"):
-        joint = f'<joint name="{side}_tilt" type='
-        text = text.replace(f'{joint}"revolute">', f'{joint}"fixed">')
-    path = Path(mkdtemp()) / "fixed_fans.urdf"
-    path.write_text(text)
-    return hp.load_robot(
-        path,
-        feet=("left_foot", "right_foot"),
-        thrusters=("left_thruster", "right_thruster"),
-        thrust_limit=53.0,
-        loops=CATALOGUE["harpy_built"].loops,
-        posture=np.zeros(6),
-    )
-
-
 @pytest.mark.parametrize("foot", ["left_foot", "right_foot"])
 def test_a_parallelogram_is_a_leg_of_harpys_kind(foot):
     """Its inverse kinematics in closed form; the rod is off a parallelogram's by 0.04 mm."""
-    robot, rng = governed(), np.random.default_rng(0)
+    robot, rng = built_harpy(), np.random.default_rng(0)
     geometry, own = LegGeometry.from_robot(robot, foot), 7 + 3 * robot.feet.index(foot)
     for _ in range(50):
         q = robot.reference
@@ -226,7 +223,7 @@ def test_the_papers_walk_on_harpy_as_built(controller, plant):
     if plant == "mujoco":
         pytest.importorskip("mujoco")
     parameters = GaitParameters(speed=0.2, height=0.5, width=0.13, penetration_offset=0.006)
-    gait = StraightGait(governed(), parameters)
+    gait = StraightGait(built_harpy(), parameters)
     run = hp.walk(hp.Scenario(controller=controller, plant=plant, duration=3.0), gait=gait)
     assert run.ending == "completed"
     assert run["q"][-1, 0] == pytest.approx(0.6, abs=0.05)

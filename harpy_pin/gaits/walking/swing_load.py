@@ -92,6 +92,29 @@ def swing_load(
     return worst
 
 
+def free_lift(robot: Robot, q: Vector, build: Build, clearance: float) -> float:
+    """Height up to the clearance to which each foot can be raised at its place, before a joint of
+    its leg comes to its end; the clearance itself where the leg is beyond one before.
+    """
+    lower, upper = robot.joint_lower, robot.joint_upper
+    place, unbounded = robot.layout
+
+    def beyond(lift: float) -> float:
+        way, worst = np.array([[0.0, 0.0, q[2] - build.height + lift]]), -np.inf
+        for leg in legs(robot):
+            joints = np.array(leg.columns) - 6
+            ranged = joints[(lower < upper)[joints] & (unbounded[joints] == 0)]
+            try:
+                angle = _follow(robot, q, leg.points[0], joints + 6, way)[0][place[ranged]]
+            except InputError:  # a linkage does not go so far
+                return np.inf
+            over = np.maximum(lower[ranged] - angle, angle - upper[ranged])
+            worst = max(worst, float(np.max(over, initial=-np.inf)))
+        return worst
+
+    return fastest_speed(beyond, clearance, 0.0) or clearance
+
+
 def _follow(
     robot: Robot, q: Vector, foot: str, joints: NDArray[np.int64], way: Vector
 ) -> list[Vector]:
@@ -115,7 +138,9 @@ def _follow(
 
 
 def fastest_speed(load: Callable[[float], float], high: float, most: float) -> float:
-    """Largest speed up to ``high`` at which a load, which grows with it, is not above ``most``."""
+    """Largest speed (or lift) up to ``high`` at which a load, which grows with it, is not above
+    ``most``.
+    """
     if load(high) <= most:
         return high
     low = 0.0
