@@ -20,7 +20,7 @@ import numpy as np
 import pinocchio as pin
 
 from harpy_pin.errors import InputError
-from harpy_pin.kernels import ByPrecision, kernel
+from harpy_pin.kernels import ByPrecision, diagonal, kernel
 from harpy_pin.model.cholesky import factorise, mirror, solve_factor, solve_transposed, solve_vector
 from harpy_pin.model.loops import JUMP, Loops
 from harpy_pin.model.placing import accelerated, place_body
@@ -37,6 +37,10 @@ LAST_STEP = ByPrecision(1e-10, single=1e-5)
 """Step that is too small to be taken, rad."""
 LEFT = ByPrecision(1e-8, single=1e-4)
 """Residual of loops that are closed, m or rad."""
+DEAD = 1e-3
+"""Least pivot of AᵀA, as a share of how far a joint moves the ends of loops: sin² of the
+transmission angle of a linkage, which is zero at a dead point.
+"""
 MIN_PIVOT = 1e-12
 """Least pivot of AᵀA: it keeps numbers finite where a linkage is singular."""
 
@@ -73,8 +77,8 @@ def close_loops(t: TreeRecord, q: Vector, v: Vector) -> None:
 
 @kernel
 def _search(t: TreeRecord) -> int:
-    """Passive joints at the driven ones, and the velocities that follow; whether loops are
-    closed.
+    """Passive joints at the driven ones, and the velocities that follow; whether loops are closed,
+    and not at a dead point.
     """
     c = t.loops
     driven = c.move.shape[0]
@@ -93,13 +97,16 @@ def _search(t: TreeRecord) -> int:
     spread[:] = -(c.slope[:, driven:].T @ c.slope[:, :driven])
     solve_transposed(c.normal, spread, driven)
     solve_factor(c.normal, spread, driven)
-    return 1 if np.max(abs(c.residual)) < LEFT else 0
+    if not np.max(abs(c.residual)) < LEFT:
+        return 0
+    return 0 if np.any(c.reach[driven:] * diagonal(c.normal) ** 2 > 1.0 / DEAD) else 1
 
 
 @kernel
 def _equations(t: TreeRecord) -> None:
     """Residual of the equations, and its derivative by the joints."""
     c = t.loops
+    c.reach[:] = 0.0
     for n in range(c.length.shape[0]):
         first, length, apart = c.first_row[n], c.length[n], _apart(t, n)
         _slopes(t, n, 0, 1.0, apart)
@@ -111,6 +118,7 @@ def _equations(t: TreeRecord) -> None:
     rows = c.residual.shape[0] - c.ratio.shape[0]
     for n in range(c.ratio.shape[0]):
         follower, leader = c.coupling[n]
+        c.reach[follower] += 1.0
         c.residual[rows + n] = c.q[7 + follower] - c.ratio[n] * c.q[7 + leader] - c.shift[n]
 
 
@@ -122,6 +130,7 @@ def _slopes(t: TreeRecord, n: int, end: int, sign: float, apart: Vector) -> None
     while i > c.top[n]:
         s, k = t.screw[i], t.column[i] - 6
         motion = sign * (s[:3] + np.cross(s[3:], p))
+        c.reach[k] += motion @ motion
         if length == 0.0:
             c.slope[first : first + 3, k] = motion
         else:
@@ -240,7 +249,7 @@ def closed_tree(model: pin.Model, loops: Loops, q: Vector) -> tuple[Vector, Vect
         q: (nq,) of base and driven joints.
 
     Raises:
-        InputError: the loops cannot be closed there.
+        InputError: the loops cannot be closed there, or are at a dead point.
     """
     record = _RECORDS.setdefault(loops, None)
     if record is None:
@@ -249,9 +258,9 @@ def closed_tree(model: pin.Model, loops: Loops, q: Vector) -> tuple[Vector, Vect
     closed = _close_anew(record, np.array(q, dtype=np.float64), np.zeros(len(q) - 1))
     if not closed:
         left = np.abs(own["residual"]).max()
+        why = f"cannot be closed at these joint angles: {left:.2g} m or rad are left"
         raise InputError(
-            f"the loops of '{model.name}' cannot be closed at these joint angles: "
-            f"{left:.2g} m or rad are left",
+            f"the loops of '{model.name}' {'are at a dead point' if left < LEFT else why}",
             name="q",
             value=q,
         )

@@ -46,9 +46,10 @@ class LoopsRecord(RecordOf):
     q: Vector = sized("tied + 7")  # configuration of the tree: base, driven, passive
     v: Vector = sized("tied + 6")  # its velocity
     acceleration: Vector = sized("tied + 6")  # its acceleration
-    closed: int = ZERO  # whether the loops are closed at q
+    closed: int = ZERO  # whether the loops are closed at q, and not at a dead point
     residual: Vector = sized("rows")  # of the equations, m or rad; then what is left to accelerate
     slope: Vector  # (rows, tied) its derivative
+    reach: Vector = sized("tied")  # squares of how far a joint moves the ends of loops, m²
     normal: Vector = sized("passive", "passive")  # factor of AᵀA, A the columns of passive joints
     step: Vector = sized("passive")
     move: Vector = sized("driven")

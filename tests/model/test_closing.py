@@ -197,6 +197,25 @@ def test_passive_joints_are_what_the_loops_move(tmp_path):
     assert again.model == robot.model
 
 
+@pytest.mark.parametrize(("off", "good"), [(0.05, True), (0.02, False), (0.0, False)])
+def test_a_dead_point_is_no_good_state(tmp_path, off, good):
+    """Where coupler and follower of a parallelogram are in line; ``off`` is the angle between."""
+    robot = hp.load_robot(
+        written(tmp_path, "linkage", linkage()), feet=(), loops=[("p", "r", "point")]
+    )
+    q, dynamics = robot.neutral, hp.Dynamics(robot)
+    for angle in (*np.linspace(0.0, 1.5, 16), np.pi / 2.0 - off):
+        q[7] = angle
+        dynamics.update(q, np.zeros(7))
+    assert dynamics.finite == good
+    if not good:
+        with pytest.raises(InputError, match="'linkage' are at a dead point"):
+            robot.closed(q)
+    q[7] = 0.3
+    dynamics.update(q, np.zeros(7))
+    assert dynamics.finite
+
+
 def test_the_branch_is_kept_wherever_it_was(tmp_path):
     """A state far from the last one is reached along the straight way from the start; where loops
     cannot be closed the terms say so, and are right again afterwards.

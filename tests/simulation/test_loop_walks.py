@@ -161,6 +161,27 @@ def test_the_c_of_a_walk_has_the_librarys_digits(tmp_path):
     np.testing.assert_array_equal(answers(what, done.code, given)[0][:, : ours.shape[1]], ours)
 
 
+def test_a_controller_answers_a_dead_point_as_a_bad_sample():
+    """The command is held, and goes on where the linkage is as before."""
+    robot = looped("four_bar")
+    gait = hp.WalkingGait(robot)
+    controller = hp.make_controller("condensed", gait, mu=0.5)
+    q, v = gait.initial_state()
+    dynamics = hp.Dynamics(robot)
+    dynamics.update(q, v)
+    force = np.tile((0.0, 0.0, 0.5 * robot.mass * 9.81), (2, 1))
+    sample = (dynamics.foot_position, dynamics.foot_velocity, force)
+    before = controller.step(hp.State(0.0, q, v, *sample)).torque.copy()
+    for n, knee in enumerate((1.6505, 2.5), start=1):  # near it, and beyond
+        there = q.copy()
+        there[9] = knee
+        command = controller.step(hp.State(2e-3 * n, there, v, *sample))
+        np.testing.assert_array_equal(command.torque, before)
+        assert controller.bad_samples == n
+    controller.step(hp.State(6e-3, q, v, *sample))
+    assert controller.bad_samples == 2
+
+
 def test_an_estimator_knows_the_loops():
     """A robot that stands on the estimate, by encoders of the driven joints and an inertial
     unit.
