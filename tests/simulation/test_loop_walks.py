@@ -26,6 +26,7 @@ from harpy_pin.simulation.mujoco import MujocoPlant
 from harpy_pin.simulation.pinocchio_plant import PinocchioPlant
 from harpy_pin.view.identity import robot_of
 from harpy_pin.view.scene.frames import _placements
+from harpy_pin.view.scene.robot_nodes import RobotNodes
 from harpy_pin.wbc import WholeBodyLimits, WholeBodyWeights
 
 NAMES = ("four_bar", "parallel_ankle", "harpy_built")
@@ -204,6 +205,25 @@ def test_bodies_are_drawn_where_the_loops_have_them():
         np.testing.assert_allclose(joints[k], expected, rtol=0, atol=1e-12)
         mount = data.oMf[robot.frame_id("left_thruster")].translation
         np.testing.assert_allclose(mounts[k, 0], mount, rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize("name", ["harpy_built", "parallel_ankle"])
+def test_rods_are_drawn_from_end_to_end(name):
+    robot = looped(name)
+    q = np.array([q for q, _ in states(name, 5)])
+    drawn = RobotNodes(robot, 1.0)
+    motions = drawn.motions(_placements(robot, q)[0])
+    data = robot.model.createData()
+    for number, tie in enumerate(robot.loops.ties):
+        (node,) = [node for node in drawn.nodes if node.path == f"loop_rods/{number}/rod"]
+        motion = motions[f"loop_rods/{number}"]
+        for k, one in enumerate(q):
+            pin.framesForwardKinematics(robot.model, data, robot.closed(one))
+            turn = pin.Quaternion(motion.quaternion[k]).matrix()
+            for frame, sign in ((tie.first, -0.5), (tie.second, 0.5)):
+                end = motion.position[k] + sign * node.shape.length * turn[:, 2]
+                expected = data.oMf[robot.frame_id(frame)].translation
+                np.testing.assert_allclose(end, expected, rtol=0, atol=1e-8)
 
 
 def test_what_does_not_know_loops_says_so():

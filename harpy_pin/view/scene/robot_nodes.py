@@ -26,6 +26,7 @@ from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
 from harpy_pin.model.urdf import read_xml
 from harpy_pin.view.palette import as_hex
+from harpy_pin.view.scene.loop_rods import loop_rods
 from harpy_pin.view.scene.meshes import mesh_parts
 from harpy_pin.view.scene.nodes import (
     Box,
@@ -79,17 +80,16 @@ class RobotNodes:
             )
         if not self.nodes:
             self._add_skeleton(robot, 0.02 * max(height, 0.1))
-        self._legs = [
-            leg for leg in (find_pantograph(robot, foot) for foot in robot.feet) if leg is not None
-        ]
-        for leg in self._legs:
-            self.nodes += leg.nodes
+        legs = (find_pantograph(robot, foot) for foot in robot.feet)
+        self._parts = [*(leg for leg in legs if leg is not None), *loop_rods(robot)]
+        for part in self._parts:
+            self.nodes += part.nodes
 
     def motions(self, joints: Vector) -> Motions:
         """Where everything is, from (n, model joints, 4, 4) joint placements."""
         motions = {name: from_matrices(joints[:, j]) for j, name in enumerate(self.names)}
-        for leg in self._legs:
-            motions |= leg.motions(joints)
+        for part in self._parts:
+            motions |= part.motions(joints)
         return motions
 
     def _add_shape(self, path: str, shape: pin.GeometryObject) -> None:
