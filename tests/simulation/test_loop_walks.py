@@ -16,6 +16,7 @@ from same_optimum import same_optimum
 import harpy_pin as hp
 from comparison.studies.built import built_harpy
 from harpy_pin.errors import InputError
+from harpy_pin.export.code import controller_code
 from harpy_pin.export.exported_controllers import exportable_walk
 from harpy_pin.export.folder import write_folder
 from harpy_pin.export.recording import answers, record
@@ -162,6 +163,24 @@ def test_the_c_of_a_walk_has_the_librarys_digits(tmp_path):
     np.testing.assert_array_equal(answers(what, done.code, given)[0][:, : ours.shape[1]], ours)
 
 
+@needs_compiler
+@pytest.mark.parametrize("name", NAMES)
+def test_the_c_of_a_walk_in_single_precision_is_close(name):
+    """Loops are closed to what floats have."""
+    one = hp.make_controller(
+        "condensed", hp.WalkingGait(looped(name), velocity=(0.2, 0, 0)), mu=0.5
+    )
+    scenario = hp.Scenario(ground=hp.Ground(mu_s=0.5), duration=0.5)
+    what = exportable_walk(one)
+    given = record(hp.build(scenario, gait=one.gait, controller=lambda gait: one), what)
+    theirs, good = answers(what, controller_code(what, "x", single=False), given)
+    ours, status = answers(what, controller_code(what, "x", single=True), given)
+    gap = np.abs(ours - theirs).max(axis=1)
+    np.testing.assert_array_equal(status, good)
+    assert 0.0 < np.median(gap) < 3e-3
+    assert gap.max() < 0.1
+
+
 def test_a_controller_answers_a_dead_point_as_a_bad_sample():
     """The command is held, and goes on where the linkage is as before."""
     robot = looped("four_bar")
@@ -224,6 +243,16 @@ def test_rods_are_drawn_from_end_to_end(name):
                 end = motion.position[k] + sign * node.shape.length * turn[:, 2]
                 expected = data.oMf[robot.frame_id(frame)].translation
                 np.testing.assert_allclose(end, expected, rtol=0, atol=1e-8)
+
+
+def test_a_skeleton_has_the_ends_of_loops():
+    """Of a robot without visuals the bars of a linkage are closed."""
+    robot = looped("four_bar")
+    drawn, rod = RobotNodes(robot, 1.0), robot.model.frames[robot.frame_id("left_rod_end")]
+    bars = [n for n in drawn.nodes if n.path.startswith("robot/left_rod_joint/rod_")]
+    (bar,) = bars
+    end = bar.placement[:3, 3] + 0.5 * bar.shape.length * bar.placement[:3, 2]
+    np.testing.assert_allclose(end, rod.placement.translation, rtol=0, atol=1e-12)
 
 
 def test_what_does_not_know_loops_says_so():

@@ -201,8 +201,7 @@ class Balance:
         force = d.mass_matrix @ a + other
         lacking = lacking_wrenches(d)
         force[:6] -= lacking @ (lacking.T @ force[:6])
-        found: Vector = np.linalg.solve(d.mass_matrix, force - other)
-        return found
+        return np.asarray(np.linalg.solve(d.mass_matrix, force - other), dtype=np.float64)
 
 
 def _inputs(d: Dynamics) -> Vector:

@@ -39,11 +39,21 @@ class LoopRod:
         return {self.path: Motion(position=0.5 * (ends[0] + ends[1]), quaternion=turn)}
 
 
+def _loops(robot: Robot) -> list[Loop]:
+    ties = () if robot.loops is None else robot.loops.ties
+    return [tie for tie in ties if isinstance(tie, Loop)]
+
+
+def loop_ends(robot: Robot) -> list[str]:
+    """Names of the frames that loops hold together."""
+    return [name for loop in _loops(robot) for name in (loop.first, loop.second)]
+
+
 def loop_rods(robot: Robot) -> list[LoopRod]:
     """The rods of a robot."""
     rods = list[LoopRod]()
-    for number, tie in enumerate(() if robot.loops is None else robot.loops.ties):
-        if isinstance(tie, Loop) and tie.kind == "length":
+    for number, tie in enumerate(_loops(robot)):
+        if tie.kind == "length":
             one, other = (robot.model.frames[robot.frame_id(n)] for n in (tie.first, tie.second))
             offset = np.array((one.placement.translation, other.placement.translation))
             joint = (one.parentJoint, other.parentJoint)

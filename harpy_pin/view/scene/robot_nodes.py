@@ -26,7 +26,7 @@ from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
 from harpy_pin.model.urdf import read_xml
 from harpy_pin.view.palette import as_hex
-from harpy_pin.view.scene.loop_rods import loop_rods
+from harpy_pin.view.scene.loop_rods import LoopRod, loop_ends, loop_rods
 from harpy_pin.view.scene.meshes import mesh_parts
 from harpy_pin.view.scene.nodes import (
     Box,
@@ -81,7 +81,10 @@ class RobotNodes:
         if not self.nodes:
             self._add_skeleton(robot, 0.02 * max(height, 0.1))
         legs = (find_pantograph(robot, foot) for foot in robot.feet)
-        self._parts = [*(leg for leg in legs if leg is not None), *loop_rods(robot)]
+        self._parts: list[Pantograph | LoopRod] = [
+            *(leg for leg in legs if leg is not None),
+            *loop_rods(robot),
+        ]
         for part in self._parts:
             self.nodes += part.nodes
 
@@ -111,14 +114,16 @@ class RobotNodes:
             self.nodes.append(Node(path, drawn, _look(shape.meshColor), place))
 
     def _add_skeleton(self, robot: Robot, radius: float) -> None:
-        """Rods from each joint to its child joints and feet, and a ball at each joint."""
+        """Rods from each joint to its child joints, feet and ends of loops, and a ball at each
+        joint.
+        """
         model = robot.model
         ends = [
             (model.parents[j], model.jointPlacements[j].translation)
             for j in range(2, model.njoints)
         ]
-        feet = [model.frames[robot.frame_id(name)] for name in robot.feet]
-        ends += [(frame.parentJoint, frame.placement.translation) for frame in feet]
+        frames = [model.frames[robot.frame_id(n)] for n in (*robot.feet, *loop_ends(robot))]
+        ends += [(frame.parentJoint, frame.placement.translation) for frame in frames]
         for number, (joint, end) in enumerate(ends):
             name, length = self.names[joint], float(np.linalg.norm(end))
             self.nodes.append(Node(f"{name}/ball_{number}", Sphere(1.5 * radius), GREY))
