@@ -16,11 +16,11 @@ import harpy_pin
 ROOT = Path(__file__).resolve().parents[2]
 CONTRIB = "harpy_pin/contrib/"
 STATEMENTS = {
-    "harpy_pin": 26_280,
-    CONTRIB: 5_030,
+    "harpy_pin": 26_380,
+    CONTRIB: 5_040,
     "reproduction": 2_080,
     "comparison": 7_480,
-    "tests": 28_550,
+    "tests": 28_730,
 }
 """Most statements of the Python files that Git tracks in a folder; ``harpy_pin`` is without
 contrib.
