@@ -115,9 +115,8 @@ def measured_terms(
     d.bias[6:known] += r.tasks.dry * np.tanh(v[6:known] / KNOWN_KNEE)
     loops = d.tree.loops
     if loops.dry.shape[0] > 0:
-        joints = v.shape[0] - 6
         passive = loops.dry * np.tanh(loops.v[v.shape[0] :] / KNOWN_KNEE)
-        d.bias[6:] += passive @ loops.spread[joints:]
+        d.bias[6:] += passive @ loops.spread[v.shape[0] - 6 :]
     if not (all_possible(g.body) and all_possible(g.heading)):
         return BAD if all_finite(g.body) and all_finite(g.heading) else MISFIT
     return GOOD if possible_feet(g) else BAD
