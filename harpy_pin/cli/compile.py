@@ -33,6 +33,7 @@ def compile_ahead(
     ] = None,
     feet: options.FeetOption = None,
     flat_feet: options.FlatFeetOption = None,
+    loops: options.LoopsOption = None,
     posture: options.PostureOption = None,
     clear: Annotated[
         bool,
@@ -58,7 +59,7 @@ def compile_ahead(
     from harpy_pin.scenario import walk
 
     walkers = [
-        options.read_robot_options(name, feet, posture, flat_feet)
+        options.read_robot_options(name, feet, posture, flat_feet, loops)
         for name in dict.fromkeys(robots or [HARPY])
     ]
     if clear:
@@ -137,6 +138,7 @@ def export(
     precision: Annotated[str, typer.Option("--precision", help="float or double.")] = "float",
     feet: options.FeetOption = None,
     flat_feet: options.FlatFeetOption = None,
+    loops: options.LoopsOption = None,
     posture: options.PostureOption = None,
     force: Force = False,
 ) -> None:
@@ -150,7 +152,7 @@ def export(
     """
     from harpy_pin.export import export as write
 
-    walker = options.read_robot_options(robot, feet, posture, flat_feet)
+    walker = options.read_robot_options(robot, feet, posture, flat_feet, loops)
     done = write(walker, to, controller=controller, precision=precision, force=force)
     name, folder = done.code.name, done.folder
     console.print(

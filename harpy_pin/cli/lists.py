@@ -11,18 +11,20 @@ from rich.table import Table
 
 from harpy_pin import __version__
 from harpy_pin.cli.output import console, say_next
-from harpy_pin.cli.walk_options import ROBOTS, FeetOption, read_robot_options
+from harpy_pin.cli.walk_options import ROBOTS, FeetOption, LoopsOption, read_robot_options
 from harpy_pin.errors import install_line
 
 
 def info(
-    named: Annotated[str, typer.Option("--robot", help=ROBOTS)] = "harpy", feet: FeetOption = None
+    named: Annotated[str, typer.Option("--robot", help=ROBOTS)] = "harpy",
+    feet: FeetOption = None,
+    loops: LoopsOption = None,
 ) -> None:
     """Print a robot's numbers, versions, and where examples are."""
     from harpy_pin.log.run import describe_versions
     from harpy_pin.model.source import loaded_robot
 
-    robot = loaded_robot(read_robot_options(named, feet, None))
+    robot = loaded_robot(read_robot_options(named, feet, None, loops=loops))
     table = Table(
         *("joint", "lower rad", "upper rad", "torque N·m", "armature kg·m²"),
         title=f"{robot.name}: {robot.mass:.3f} kg, nq {robot.nq}, nv {robot.nv}",

@@ -168,6 +168,7 @@ def film(
     robot: options.RobotOption = "go2",
     feet: options.FeetOption = None,
     flat_feet: options.FlatFeetOption = None,
+    loops: options.LoopsOption = None,
     posture: options.PostureOption = None,
     friction: options.FrictionOption = None,
     speed: options.SpeedOption = None,
@@ -198,7 +199,7 @@ def film(
         "push": push or (),
         "duration": duration,
     }
-    walk |= {"feet": feet, "flat_feet": flat_feet, "posture": posture}
+    walk |= {"feet": feet, "flat_feet": flat_feet, "loops": loops, "posture": posture}
     scenario = options.read_scenario(settings or (), robot=robot, **walk)
     with walking_bar(duration) as on_piece:
         run = build(scenario).run(on_piece=on_piece)

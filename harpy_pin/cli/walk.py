@@ -38,6 +38,7 @@ def walk(
     robot: Annotated[str | None, typer.Option(help=options.ROBOTS, show_default=False)] = None,
     feet: options.FeetOption = None,
     flat_feet: options.FlatFeetOption = None,
+    loops: options.LoopsOption = None,
     posture: options.PostureOption = None,
     friction: options.FrictionOption = None,
     speed: options.SpeedOption = None,
@@ -86,7 +87,8 @@ def walk(
         "posture": posture,
         "friction": friction,
     }
-    choices |= {"flat_feet": flat_feet, "speed": speed, "push": push, "duration": duration}
+    choices |= {"flat_feet": flat_feet, "loops": loops}
+    choices |= {"speed": speed, "push": push, "duration": duration}
     given = {name: value for name, value in choices.items() if value is not None}
     if again is None:
         scenario = options.read_scenario(settings or (), **given)

@@ -47,6 +47,14 @@ FlatFeetOption = Annotated[
         help="The feet are soles: sides, middle, m, and axes, rad.",
     ),
 ]
+LoopsOption = Annotated[
+    str | None,
+    typer.Option(
+        "--loops",
+        metavar="FRAME:FRAME:KIND,...",
+        help="Closed loops of a URDF: two frames, which are one point, or a length apart.",
+    ),
+]
 PostureOption = Annotated[
     str | None,
     typer.Option(
@@ -86,14 +94,18 @@ JsonOption = Annotated[
 
 
 def read_robot_options(
-    robot: str, feet: str | None, posture: str | None, flat_feet: str | None = None
+    robot: str,
+    feet: str | None,
+    posture: str | None,
+    flat_feet: str | None = None,
+    loops: str | None = None,
 ) -> str | Robot:
     """The robot of the options: its name where it is known, else read from its file."""
     from harpy_pin.model.catalogue import catalogue_robot
     from harpy_pin.model.loading import load_robot
     from harpy_pin.model.source import named_robot
 
-    if feet is None and posture is None and flat_feet is None and not Path(robot).suffix:
+    if {feet, posture, flat_feet, loops} == {None} and not Path(robot).suffix:
         return named_robot(robot)
     frames = None if feet is None else [name.strip() for name in feet.split(",") if name.strip()]
     try:
@@ -104,15 +116,17 @@ def read_robot_options(
         ) from None
     if robot == "harpy":
         raise InputError(
-            "--feet, --flat-feet and --posture are of a robot that --robot names", name="feet"
+            "--feet, --flat-feet, --loops and --posture are of a robot that --robot names",
+            name="feet",
         )
+    ties = [] if loops is None else [_loop(text) for text in loops.split(",")]
     if frames is not None and any(set("*?[") & set(name) for name in frames):
-        model = load_robot(robot, feet=()).model
+        model = load_robot(robot, feet=(), loops=ties).model
         frames = [name for pattern in frames for name in _matching(model, pattern)]
     if flat_feet is not None and frames is None and (listed := catalogue_robot(robot)):
         frames = list(listed.feet)
     flat = None if flat_feet is None else dict.fromkeys(frames or (), _sole(flat_feet))
-    known = load_robot(robot, feet=frames, flat_feet=flat)
+    known = load_robot(robot, feet=frames, flat_feet=flat, loops=ties)
     for line in _notes(known):
         stderr.print(line, soft_wrap=True)
     if not angles:
@@ -122,6 +136,7 @@ def read_robot_options(
             robot,
             feet=frames,
             flat_feet=flat,
+            loops=ties,
             posture=angles * max(len(known.joints) // len(angles), 1),
         )
     )
@@ -137,6 +152,16 @@ def _matching(model: Any, pattern: str) -> list[str]:
         if found := [name for name in some if fnmatchcase(name, pattern)]:
             return list(dict.fromkeys(found))
     return [pattern]
+
+
+def _loop(text: str) -> tuple[str, str, str]:
+    """A closed loop from ``FRAME:FRAME:KIND``."""
+    parts = text.strip().split(":")
+    if len(parts) != 3:
+        raise InputError(
+            f"--loops takes FRAME:FRAME:point or FRAME:FRAME:length, got '{text}'", name="loops"
+        )
+    return parts[0], parts[1], parts[2]
 
 
 def _sole(text: str) -> FlatFoot:
@@ -184,6 +209,7 @@ def read_scenario(
     feet: str | None = None,
     posture: str | None = None,
     flat_feet: str | None = None,
+    loops: str | None = None,
     speed: float | None = None,
     push: Sequence[str] = (),
     duration: float = 6.0,
@@ -191,7 +217,7 @@ def read_scenario(
     """The scenario of the options; what ``--set`` says comes last."""
     from harpy_pin.scenario.settings import scenario_of
 
-    walker = read_robot_options(robot, feet, posture, flat_feet)
+    walker = read_robot_options(robot, feet, posture, flat_feet, loops)
     settings: dict[str, Any] = {"robot": walker, "duration": duration}
     if friction is not None:
         settings["ground.mu_s"] = friction

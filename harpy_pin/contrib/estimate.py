@@ -17,6 +17,7 @@ def estimate(
     robot: options.RobotOption = "go2",
     feet: options.FeetOption = None,
     flat_feet: options.FlatFeetOption = None,
+    loops: options.LoopsOption = None,
     save: Annotated[
         Path | None, typer.Option(metavar="FILE.npz", help="Write the estimate as a run.")
     ] = None,
@@ -43,7 +44,7 @@ def estimate(
     from harpy_pin.contrib.bag import estimate_log, read_log
     from harpy_pin.model.source import loaded_robot
 
-    known = loaded_robot(options.read_robot_options(robot, feet, None, flat_feet))
+    known = loaded_robot(options.read_robot_options(robot, feet, None, flat_feet, loops))
     run, measures = estimate_log(read_log(log, known), known)
     console.print(values_table(f"{known.name}: {log}", measures))
     if save is not None:

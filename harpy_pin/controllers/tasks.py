@@ -113,6 +113,10 @@ def measured_terms(
         return BAD
     known = 6 + r.tasks.dry.shape[0]
     d.bias[6:known] += r.tasks.dry * np.tanh(v[6:known] / KNOWN_KNEE)
+    loops = d.tree.loops
+    if loops.dry.shape[0] > 0:
+        passive = loops.dry * np.tanh(loops.v[v.shape[0] :] / KNOWN_KNEE)
+        d.bias[6:] += passive @ loops.spread[v.shape[0] - 6 :]
     if not (all_possible(g.body) and all_possible(g.heading)):
         return BAD if all_finite(g.body) and all_finite(g.heading) else MISFIT
     return GOOD if possible_feet(g) else BAD

@@ -5,9 +5,10 @@ With the equations e(q_d, q_p) = 0 of driven and passive joints, A = ∂e/∂q_p
 
     v_p = −(AᵀA)⁻¹ Aᵀ B v_d,    a_p = −(AᵀA)⁻¹ Aᵀ (B a_d + ė's drift)
 
-so that v_tree = T v. With the tree's M and n (n with the passive joints' drift) the robot has the
-mass matrix Tᵀ M T and the bias Tᵀ n. Equations are relative to the base: it moves both ends of a
-loop alike. The loops of a plane have more equations than passive joints, which least squares take.
+so that v_tree = T v. With the tree's M and n (n with the passive joints' drift) and the damping D
+of passive joints the robot has the mass matrix Tᵀ M T and the bias Tᵀ (n + D T v). Equations are
+relative to the base: it moves both ends of a loop alike. The loops of a plane have more equations
+than passive joints, which least squares take.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ import numpy as np
 import pinocchio as pin
 
 from harpy_pin.errors import InputError
-from harpy_pin.kernels import ByPrecision, kernel
+from harpy_pin.kernels import ByPrecision, diagonal, kernel
 from harpy_pin.model.cholesky import factorise, mirror, solve_factor, solve_transposed, solve_vector
 from harpy_pin.model.loops import JUMP, Loops
 from harpy_pin.model.placing import accelerated, place_body
@@ -32,17 +33,23 @@ FARTHEST = 100
 """Most searches on the way from the angles at which the loops are known to be closed."""
 LARGEST_STEP = 0.5
 """Of a passive joint, rad."""
-LAST_STEP = ByPrecision(1e-9, single=1e-4)
-"""Step that ends a search, rad: the error of what follows is its square."""
+LAST_STEP = ByPrecision(1e-10, single=1e-5)
+"""Step that is too small to be taken, rad."""
 LEFT = ByPrecision(1e-8, single=1e-4)
 """Residual of loops that are closed, m or rad."""
+DEAD = 1e-3
+"""Least pivot of AᵀA, as a share of how far a joint moves the ends of loops: sin² of the
+transmission angle of a linkage, which is zero at a dead point.
+"""
 MIN_PIVOT = 1e-12
 """Least pivot of AᵀA: it keeps numbers finite where a linkage is singular."""
 
 
 @kernel
 def close_loops(t: TreeRecord, q: Vector, v: Vector) -> None:
-    """Configuration and velocity of the tree at a state q, v of base and driven joints."""
+    """Configuration and velocity of the tree at a state q, v of base and driven joints, and
+    placement and velocity of every body but the base.
+    """
     c = t.loops
     driven, searches = c.move.shape[0], 1
     here, passive = c.q[7 : 7 + driven], c.q[7 + driven :]
@@ -62,12 +69,16 @@ def close_loops(t: TreeRecord, q: Vector, v: Vector) -> None:
         c.closed = _search(t)
     here[:] = given
     c.v[6:] = c.spread @ v[6 : 6 + driven]
+    for m in range(c.beyond.shape[0]):
+        place_body(t, c.q, c.beyond[m])
+    for i in range(1, t.parent.shape[0]):
+        t.twist[i] = t.twist[t.parent[i]] + c.v[t.column[i]] * t.screw[i]
 
 
 @kernel
 def _search(t: TreeRecord) -> int:
-    """Passive joints at the driven ones, and the velocities that follow; whether loops are
-    closed.
+    """Passive joints at the driven ones, and the velocities that follow; whether loops are closed,
+    and not at a dead point.
     """
     c = t.loops
     driven = c.move.shape[0]
@@ -79,20 +90,23 @@ def _search(t: TreeRecord) -> int:
         factorise(c.normal, c.normal, MIN_PIVOT)
         c.step[:] = c.slope[:, driven:].T @ c.residual
         solve_vector(c.normal, c.step)
-        c.q[7 + driven :] -= np.clip(c.step, -LARGEST_STEP, LARGEST_STEP)
         if np.max(abs(c.step)) < LAST_STEP:
             break
+        c.q[7 + driven :] -= np.clip(c.step, -LARGEST_STEP, LARGEST_STEP)
     spread = c.spread[driven:]
     spread[:] = -(c.slope[:, driven:].T @ c.slope[:, :driven])
     solve_transposed(c.normal, spread, driven)
     solve_factor(c.normal, spread, driven)
-    return 1 if np.max(abs(c.residual)) < LEFT else 0
+    if not np.max(abs(c.residual)) < LEFT:
+        return 0
+    return 0 if np.any(c.reach[driven:] * diagonal(c.normal) ** 2 > 1.0 / DEAD) else 1
 
 
 @kernel
 def _equations(t: TreeRecord) -> None:
     """Residual of the equations, and its derivative by the joints."""
     c = t.loops
+    c.reach[:] = 0.0
     for n in range(c.length.shape[0]):
         first, length, apart = c.first_row[n], c.length[n], _apart(t, n)
         _slopes(t, n, 0, 1.0, apart)
@@ -104,6 +118,7 @@ def _equations(t: TreeRecord) -> None:
     rows = c.residual.shape[0] - c.ratio.shape[0]
     for n in range(c.ratio.shape[0]):
         follower, leader = c.coupling[n]
+        c.reach[follower] += 1.0
         c.residual[rows + n] = c.q[7 + follower] - c.ratio[n] * c.q[7 + leader] - c.shift[n]
 
 
@@ -115,6 +130,7 @@ def _slopes(t: TreeRecord, n: int, end: int, sign: float, apart: Vector) -> None
     while i > c.top[n]:
         s, k = t.screw[i], t.column[i] - 6
         motion = sign * (s[:3] + np.cross(s[3:], p))
+        c.reach[k] += motion @ motion
         if length == 0.0:
             c.slope[first : first + 3, k] = motion
         else:
@@ -187,9 +203,12 @@ def accelerate_loops(t: TreeRecord, acceleration: Vector) -> None:
 
 @kernel
 def reduce_force(t: TreeRecord, out: Vector) -> None:
-    """Force (nv,) on base and driven joints of that on the tree, ``bias``."""
+    """Force (nv,) on base and driven joints of that on the tree, ``bias``, and of the damping of
+    passive joints.
+    """
     c = t.loops
     nv = out.shape[0]
+    c.bias[nv:] += c.damping * c.v[nv:]
     out[:] = c.bias[:nv]
     out[6:] += c.bias[nv:] @ c.spread[nv - 6 :]
 
@@ -230,7 +249,7 @@ def closed_tree(model: pin.Model, loops: Loops, q: Vector) -> tuple[Vector, Vect
         q: (nq,) of base and driven joints.
 
     Raises:
-        InputError: the loops cannot be closed there.
+        InputError: the loops cannot be closed there, or are at a dead point.
     """
     record = _RECORDS.setdefault(loops, None)
     if record is None:
@@ -239,9 +258,9 @@ def closed_tree(model: pin.Model, loops: Loops, q: Vector) -> tuple[Vector, Vect
     closed = _close_anew(record, np.array(q, dtype=np.float64), np.zeros(len(q) - 1))
     if not closed:
         left = np.abs(own["residual"]).max()
+        why = f"cannot be closed at these joint angles: {left:.2g} m or rad are left"
         raise InputError(
-            f"the loops of '{model.name}' cannot be closed at these joint angles: "
-            f"{left:.2g} m or rad are left",
+            f"the loops of '{model.name}' {'are at a dead point' if left < LEFT else why}",
             name="q",
             value=q,
         )

@@ -61,7 +61,7 @@ class Dynamics(KeepsViews, EquationsRecord):
         record: all terms, for kernels; the attributes below are views of its fields, which have
             their names.
         mass_matrix: (nv, nv) M(q), armature included (CRBA).
-        bias: (nv,) n(q, v): Coriolis, centrifugal and gravity terms.
+        bias: (nv,) n(q, v): Coriolis, centrifugal and gravity terms; the damping of passive joints.
         damping: (nv,) of the joints, N·m·s/rad.
         foot_jacobian: (3 feet, nv) linear Jacobians of the feet, world axes.
         foot_drift: (3 feet,) J̇ v, acceleration of the feet at zero joint acceleration, m/s².

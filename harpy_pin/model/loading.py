@@ -232,15 +232,12 @@ def _doubtful_joints(
 ) -> dict[str, list[str]]:
     """Joints of which a file says what may be meant otherwise, by what it is."""
     parts = list(zip(model.names, model.joints, model.inertias, strict=True))[1:]
-    lossy = model.damping + model.upperDryFrictionLimit
+    no_loop = "as no closed loop (loops=, --loops) moves them"
     return {
-        "of effort 0, taken as without a limit": [
+        f"of effort 0, taken as motors without a limit, {no_loop}": [
             shown(name)
             for name, joint, _ in parts[1:]
             if model.effortLimit[joint.idx_v] == 0.0 and joint.id not in passive
-        ],
-        "without a motor, whose damping and dry friction are left out": [
-            shown(model.names[j]) for j in passive if lossy[model.joints[j].idx_v] > 0.0
         ],
         "whose body has a mass, no inertia": [
             shown(name)

@@ -245,8 +245,9 @@ def find_loops(
         held = int(np.argmax(np.abs(rest).max(axis=0)))
         name = next(model.names[j.id] for j in list(model.joints)[1:] if j.idx_v == held)
         raise RobotError(
-            f"the loops of '{model.name}' hold its driven joint '{name}': they contradict each "
-            "other, or more of their joints are without a motor"
+            f"the loops of '{model.name}' leave its motor at '{name}' no motion: they contradict "
+            "each other, or there are too many motors on their way round (effort 0 says that a "
+            "joint has none)"
         )
     return Loops(tuple(ties), passive, np.array(q[7:]))
 

@@ -51,14 +51,7 @@ def place_bodies(t: TreeRecord, q: Vector, v: Vector) -> None:
     t.twist[0] = v[:6]
     if t.loops.start.shape[0] > 0:  # known when compiling: a robot without loops pays nothing
         close_loops(t, q, v)
-        _place_tree(t, t.loops.q, t.loops.v)
-    else:
-        _place_tree(t, q, v)
-
-
-@kernel
-def _place_tree(t: TreeRecord, q: Vector, v: Vector) -> None:
-    """Placement and velocity of every body but the base, at a state of the tree."""
+        return
     for i in range(1, t.parent.shape[0]):
         place_body(t, q, i)
         t.twist[i] = t.twist[t.parent[i]] + v[t.column[i]] * t.screw[i]

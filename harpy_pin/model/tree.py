@@ -38,13 +38,17 @@ class LoopsRecord(RecordOf):
     shift: Vector  # (couplings,) rad
     above: NDArray[np.int64]  # bodies above all loops, parents first
     moved: NDArray[np.int64]  # bodies on the ways round, and between them, parents first
+    beyond: NDArray[np.int64]  # all other bodies, parents first
+    damping: Vector  # (passive,) of the passive joints, N·m·s/rad
+    dry: Vector  # (passive,) their dry friction, N·m
     start: Vector  # (tied,) angles at which the loops are closed, rad
     q: Vector = sized("tied + 7")  # configuration of the tree: base, driven, passive
     v: Vector = sized("tied + 6")  # its velocity
     acceleration: Vector = sized("tied + 6")  # its acceleration
-    closed: int = ZERO  # whether the loops are closed at q
+    closed: int = ZERO  # whether the loops are closed at q, and not at a dead point
     residual: Vector = sized("rows")  # of the equations, m or rad; then what is left to accelerate
     slope: Vector  # (rows, tied) its derivative
+    reach: Vector = sized("tied")  # squares of how far a joint moves the ends of loops, m²
     normal: Vector = sized("passive", "passive")  # factor of AᵀA, A the columns of passive joints
     step: Vector = sized("passive")
     move: Vector = sized("driven")
@@ -165,7 +169,8 @@ def _loops_record(
     ]
     heights = [3 if tie.kind == "point" else 1 for tie in closing]
     above = [[set(model.supports[end.parentJoint]) for end in ends] for ends in frames]
-    passive = 0 if loops is None else len(loops.passive)
+    moved = [model.joints[j].idx_v for j in (() if loops is None else loops.passive)]
+    passive = len(moved)
     tied = 0 if loops is None else model.njoints - 2
     first = np.cumsum((0, *heights))
     pairs = [[int(column[j - 1]) - 6 for j in joints_of(model, tie)] for tie in couplings]
@@ -197,6 +202,9 @@ def _loops_record(
         shift=np.array([tie.offset for tie in couplings]),
         above=np.array(sorted(ways - inside), np.int64),
         moved=np.array(sorted(ways & inside), np.int64),
+        beyond=np.array(sorted({*range(1, tied + 1)} - ways), np.int64),
+        damping=np.array([model.damping[k] for k in moved]),
+        dry=np.array([model.upperDryFrictionLimit[k] for k in moved]),
         start=start,
         slope=slope,
         spread=np.eye(tied, tied - passive),

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from harpy_pin.ground.ground import GroundRecord, stribeck
-from harpy_pin.kernels import diagonal, kernel
+from harpy_pin.kernels import kernel
 from harpy_pin.model.cholesky import solve_transposed
 from harpy_pin.model.record import RecordOf, sized
 from harpy_pin.model.state import Vector
@@ -264,8 +264,9 @@ def contact_forces(
 class JointFrictionRecord(RecordOf):
     """Coulomb friction of the joints; without it, arrays of no joints."""
 
-    limit: Vector  # (joints,) N·m
+    limit: Vector  # (joints,) N·m; of a robot with loops the driven joints, then the passive ones
     torque: Vector = sized("joints")  # (joints,) of the last step, N·m
+    motion: Vector = sized("nv", "joints")  # S: velocities of the joints are Sᵀ v
     columns: Vector = sized("nv", "joints")  # (nv, joints) L⁻ᵀ S, with M + dt B = Lᵀ L
     free: Vector = sized(
         "contacts"
@@ -284,8 +285,7 @@ def step_with_friction(
     """
     f, dt, joints = s.joints, s.dt, s.joints.limit.shape[0]
     feet, drive = s.columns[:, : s.load.shape[0]], s.columns[:, s.load.shape[0]]
-    f.columns[:] = 0.0
-    diagonal(f.columns[6:])[:] = 1.0
+    f.columns[:] = f.motion
     solve_transposed(s.factor, f.columns, joints)
     drive += dt * (f.columns @ f.torque)  # last step's friction is the first guess
     used = 0
@@ -297,7 +297,7 @@ def step_with_friction(
         change = 0.0
         for j in range(joints):
             own = f.columns[:, j]
-            speed, mobility = v[6 + j] + own @ (drive + pushed), dt * (own @ own)
+            speed, mobility = f.motion[:, j] @ v + own @ (drive + pushed), dt * (own @ own)
             torque = min(max(f.torque[j] - speed / mobility, -f.limit[j]), f.limit[j])
             more = torque - f.torque[j]
             drive += dt * more * own

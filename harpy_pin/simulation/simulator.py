@@ -54,12 +54,13 @@ class Simulator(Plant):
 
     def _make_record(self) -> Records[StepRecord]:
         robot, actuators = self.robot, self.actuators
+        passive = self.dynamics._record_["tree"]["loops"][0]
         return step_record(
             robot.sizes,
             dt=self.dt,
             actuators=actuators,
             motors=motors_of(robot),
-            friction=actuators.coulomb(robot),
+            friction=np.append(actuators.coulomb(robot), passive["dry"]),
             robot=robot,
         )
 

@@ -133,7 +133,8 @@ def step_record(
     """A new :class:`StepRecord`, see :func:`plant_record`; by default of a model without motors and
     thrusters.
 
-    ``friction`` (joints,) is the Coulomb friction of each joint, N·m. The joints of ``robot`` have
+    ``friction`` (joints,) is the Coulomb friction of each joint, N·m, with that of passive joints
+    at the end. The joints of ``robot`` have
     ends.
     """
     sizes = {"thrusts": 0, "thrusters": 0, "soles": 0, **sizes}
@@ -143,7 +144,12 @@ def step_record(
         "corners": sizes["feet"] if flat else 0,
     }
     limit = friction if friction is not None and friction.any() else np.zeros(0)
-    joints = make_record(JointFrictionRecord, {**sizes, "joints": len(limit)}, limit=limit)
+    joints = make_record(
+        JointFrictionRecord,
+        {**sizes, "joints": len(limit)},
+        limit=limit,
+        motion=np.eye(sizes["nv"], len(limit), -6),
+    )
     motors = {"peak": np.zeros(0)} if motors is None else motors
     soles = make_record(SolesRecord, sizes)
     ends = joint_ends_record(robot, dt)
@@ -273,6 +279,8 @@ def physics_steps(
     for n in range(push.shape[0]):
         d.bias[:3] -= d.tree.rotation.T @ push[n]
         hold_at_ends(s.ends, q, v, d.bias)
+        if d.tree.loops.start.shape[0] > 0 and s.joints.limit.shape[0] > 0:
+            s.joints.motion[6:] = d.tree.loops.spread.T
         drive_motors(s.motors, torque, q, v, s.dt)
         drive_thrusters(s.thrusters, d.tree.rotation, s.thrust)
         sweeps = implicit_step(d, ground, s, v, s.motors.mean_torque, s.thrusters.mean_thrust)

@@ -13,6 +13,7 @@ from needs import needs_robots
 from walks import walked
 
 import harpy_pin as hp
+from comparison.studies.built import built_harpy
 from harpy_pin.contrib.flight import Fly, Flying, FlyingGait, Jump
 from harpy_pin.contrib.flight.flying_gait import PHASES
 
@@ -271,6 +272,19 @@ def test_a_rotorcraft_with_legs_flies_to_a_place_and_stands():
 
 
 @needs_robots
+def test_a_robot_with_closed_loops_jumps():
+    """Harpy as it is built, with thrusters that push in any direction, from bent knees."""
+    posture = np.array((0.0, -0.4, 0.8) * 2)
+    gait = FlyingGait(hp.Standing(built_harpy(), posture=posture), Jump(forward=0.2), start=0.1)
+    scenario = hp.Scenario(controller="condensed", ground=hp.Ground(mu_s=0.6), duration=2.5)
+    run = hp.walk(scenario, gait=gait)
+    air, land = ticks(run, "air"), ticks(run, "land")
+    assert run.ending == "completed"
+    assert run["q"][air, 2].max() - run["q"][air[0], 2] == pytest.approx(0.3, abs=0.015)
+    way = middle(run, land[-1]) - middle(run, air[0])
+    assert way[:2] == pytest.approx((0.2, 0.0), abs=0.04)
+
+
 def test_rotors_that_do_not_carry_the_robot_are_refused():
     with pytest.raises(hp.InputError, match="to spare"):
         rotorcraft(5.0)

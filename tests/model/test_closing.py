@@ -160,7 +160,7 @@ def linkage(*more, far=0.0, effort=0.0):
             linkage(),
             [("p", "r", "point"), ("r", "u", "length")],
             RobotError,
-            "hold its driven joint 'a': they contradict",
+            "leave its motor at 'a' no motion: they contradict",
         ),
         (linkage(), [("p", "universe", "point")], InputError, "to the world: its base must float"),
         (linkage(), [("r", "s", "point")], InputError, "no joint: both are on one link"),
@@ -171,7 +171,7 @@ def linkage(*more, far=0.0, effort=0.0):
         (linkage(), [7], InputError, "must be .frame, frame, kind."),
         (linkage(), "pr", InputError, "tuple"),
         (linkage(), [("p", "r", "length")], InputError, "has no length"),
-        (linkage(effort=1.0), [("p", "r", "point")], RobotError, "driven joint"),
+        (linkage(effort=1.0), [("p", "r", "point")], RobotError, "too many motors"),
     ],
 )
 def test_hostile_loops_are_refused_in_a_sentence(tmp_path, parts, loops, error, message):
@@ -195,6 +195,25 @@ def test_passive_joints_are_what_the_loops_move(tmp_path):
     again = read_robot(plain_source(robot.source))
     assert again.joints == robot.joints
     assert again.model == robot.model
+
+
+@pytest.mark.parametrize(("off", "good"), [(0.05, True), (0.02, False), (0.0, False)])
+def test_a_dead_point_is_no_good_state(tmp_path, off, good):
+    """Where coupler and follower of a parallelogram are in line; ``off`` is the angle between."""
+    robot = hp.load_robot(
+        written(tmp_path, "linkage", linkage()), feet=(), loops=[("p", "r", "point")]
+    )
+    q, dynamics = robot.neutral, hp.Dynamics(robot)
+    for angle in (*np.linspace(0.0, 1.5, 16), np.pi / 2.0 - off):
+        q[7] = angle
+        dynamics.update(q, np.zeros(7))
+    assert dynamics.finite == good
+    if not good:
+        with pytest.raises(InputError, match="'linkage' are at a dead point"):
+            robot.closed(q)
+    q[7] = 0.3
+    dynamics.update(q, np.zeros(7))
+    assert dynamics.finite
 
 
 def test_the_branch_is_kept_wherever_it_was(tmp_path):
@@ -273,15 +292,6 @@ def test_inverse_kinematics_goes_through_loops(tmp_path):
     np.testing.assert_allclose(place, target, rtol=0, atol=1e-9)
     far = solve_ik(robot, {"left_foot": target + 5.0}, q)
     assert not far.converged
-
-
-def test_damping_of_passive_joints_is_left_out_with_a_warning(tmp_path):
-    path = written(tmp_path, "linkage", linkage())
-    text = path.read_text()
-    assert text.count('damping="0" armature="0.0"') == 2
-    path.write_text(text.replace('damping="0" armature="0.0"', 'damping="0.1"'))
-    with pytest.warns(UserWarning, match="damping and dry friction are left out: 'b' and 1 more"):
-        hp.load_robot(path, feet=(), loops=[("p", "r", "point")])
 
 
 def test_a_configuration_of_another_size_is_refused():

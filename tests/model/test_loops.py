@@ -86,18 +86,19 @@ def constrained(robot: hp.Robot, tree, speed, force):
 
 @pytest.mark.parametrize("name", NAMES)
 def test_accelerations_are_those_of_constrained_dynamics(name):
-    """Also from one state to another one far away."""
+    """Also from one state to another one far away, and with damping of joints without a motor."""
     robot, rng = looped(name), np.random.default_rng(6)
     dynamics, own = hp.Dynamics(robot), [*range(6), *robot.columns]
     for q, v in states(name, STATES):
         dynamics.update(q, v)
         assert dynamics.finite
         tree, spread = robot.closed(q), robot.velocity_map(q)
-        jacobian, _ = constraint(robot, tree, spread @ v)
+        speed = spread @ v
+        jacobian, _ = constraint(robot, tree, speed)
         np.testing.assert_allclose(jacobian @ spread, 0.0, rtol=0, atol=1e-9)
-        torque, force = rng.normal(size=robot.nv), np.zeros(robot.model.nv)
+        torque, force = rng.normal(size=robot.nv), -robot.model.damping * speed
         force[own] = torque
-        expected = constrained(robot, tree, spread @ v, force)[own]
+        expected = constrained(robot, tree, speed, force)[own]
         found = np.linalg.solve(dynamics.mass_matrix, torque - dynamics.bias)
         size = np.abs(expected).max()
         np.testing.assert_allclose(found, expected, rtol=0, atol=1e-8 * max(1.0, size))

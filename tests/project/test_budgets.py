@@ -17,11 +17,11 @@ import harpy_pin
 ROOT = Path(__file__).resolve().parents[2]
 CONTRIB = "harpy_pin/contrib/"
 STATEMENTS = {
-    "harpy_pin": 26_280,
-    CONTRIB: 5_300,
+    "harpy_pin": 26_310,
+    CONTRIB: 5_320,
     "reproduction": 2_010,
-    "comparison": 7_130,
-    "tests": 28_430,
+    "comparison": 7_210,
+    "tests": 28_980,
 }
 """Most statements of the Python files that Git tracks in a folder; ``harpy_pin`` is without
 contrib.

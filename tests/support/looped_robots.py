@@ -55,37 +55,56 @@ def written(folder: Path, name: str, parts: Sequence[str]) -> Path:
     return path
 
 
-def four_bar(folder: Path) -> hp.Robot:
-    """A biped with point feet whose knees are four-bar linkages."""
+def _four_bar_leg(name: str, hip: Point, reach: float) -> tuple[list[str], tuple[str, str, str]]:
+    """Parts and loop of a leg on a point, whose knee is a four-bar linkage."""
+    parts = [
+        link(f"{name}_hip", 0.4, (0.0, 0.0, 0.0)),
+        joint(f"{name}_hip_roll", "base", f"{name}_hip", hip, "1 0 0"),
+        link(f"{name}_thigh", 1.0, (0.01, 0.0, -0.14), 0.2),
+        joint(f"{name}_hip_pitch", f"{name}_hip", f"{name}_thigh", (0.0, 0.0, 0.0)),
+        link(f"{name}_crank", 0.1, (-0.03, 0.0, 0.0), 0.05),
+        joint(f"{name}_knee", f"{name}_thigh", f"{name}_crank", (0.0, 0.0, -0.05), reach=reach),
+        link(f"{name}_rod", 0.08, (0.0, 0.0, -0.11), 0.1),
+        joint(
+            f"{name}_rod_joint", f"{name}_crank", f"{name}_rod", (-0.035, 0.0, -0.035), effort=0.0
+        ),
+        link(f"{name}_shank", 0.4, (0.0, 0.0, -0.1), 0.2),
+        joint(f"{name}_hinge", f"{name}_thigh", f"{name}_shank", (0.0, 0.0, -0.28), effort=0.0),
+        frame(f"{name}_rod_end", f"{name}_rod", (0.002, 0.0, -0.225)),
+        frame(f"{name}_lever", f"{name}_shank", (-0.033, 0.0, -0.03)),
+        frame(f"{name}_foot", f"{name}_shank", (0.0, 0.0, -0.28)),
+    ]
+    return parts, (f"{name}_rod_end", f"{name}_lever", "point")
+
+
+def four_bar(folder: Path, *, reach: float = 0.9) -> hp.Robot:
+    """A biped with point feet whose knees are four-bar linkages; their motors reach so far, rad."""
     parts, loops = [link("base", 8.0, size=0.3)], []
     for side, s in SIDES:
-        parts += [
-            link(f"{side}_hip", 0.4, (0.0, 0.0, 0.0)),
-            joint(f"{side}_hip_roll", "base", f"{side}_hip", (0.0, 0.08 * s, -0.1), "1 0 0"),
-            link(f"{side}_thigh", 1.0, (0.01, 0.0, -0.14), 0.2),
-            joint(f"{side}_hip_pitch", f"{side}_hip", f"{side}_thigh", (0.0, 0.0, 0.0)),
-            link(f"{side}_crank", 0.1, (-0.03, 0.0, 0.0), 0.05),
-            joint(f"{side}_knee", f"{side}_thigh", f"{side}_crank", (0.0, 0.0, -0.05), reach=0.9),
-            link(f"{side}_rod", 0.08, (0.0, 0.0, -0.11), 0.1),
-            joint(
-                f"{side}_rod_joint",
-                f"{side}_crank",
-                f"{side}_rod",
-                (-0.035, 0.0, -0.035),
-                effort=0.0,
-            ),
-            link(f"{side}_shank", 0.4, (0.0, 0.0, -0.1), 0.2),
-            joint(f"{side}_hinge", f"{side}_thigh", f"{side}_shank", (0.0, 0.0, -0.28), effort=0.0),
-            frame(f"{side}_rod_end", f"{side}_rod", (0.002, 0.0, -0.225)),
-            frame(f"{side}_lever", f"{side}_shank", (-0.033, 0.0, -0.03)),
-            frame(f"{side}_foot", f"{side}_shank", (0.0, 0.0, -0.28)),
-        ]
-        loops.append((f"{side}_rod_end", f"{side}_lever", "point"))
+        leg, loop = _four_bar_leg(side, (0.0, 0.08 * s, -0.1), reach)
+        parts, loops = parts + leg, [*loops, loop]
     return hp.load_robot(
         written(folder, "four_bar", parts),
         feet=("left_foot", "right_foot"),
         loops=loops,
         posture=(0.0, -0.4, 0.74) * 2,
+    )
+
+
+def quadruped(folder: Path) -> hp.Robot:
+    """A quadruped with such legs."""
+    parts, loops = [link("base", 12.0, size=0.4)], []
+    names = [f"{end}_{side}" for end in ("front", "hind") for side, _ in SIDES]
+    for name, (x, y) in zip(
+        names, ((0.25, 0.12), (0.25, -0.12), (-0.25, 0.12), (-0.25, -0.12)), strict=True
+    ):
+        leg, loop = _four_bar_leg(name, (x, y, 0.0), 1.3)
+        parts, loops = parts + leg, [*loops, loop]
+    return hp.load_robot(
+        written(folder, "quadruped", parts),
+        feet=tuple(f"{name}_foot" for name in names),
+        loops=loops,
+        posture=(0.0, -0.4, 0.74) * 4,
     )
 
 
@@ -196,9 +215,22 @@ def across(folder: Path) -> hp.Robot:
     )
 
 
+def rubbing(folder: Path, *, damping: float = 0.3, friction: float = 0.0) -> hp.Robot:
+    """The four-bar biped, whose joints without a motor have losses, N·m·s/rad and N·m."""
+    robot = four_bar(folder)
+    text = robot.urdf.read_text()
+    told = 'damping="0" armature="0.0"'
+    assert text.count(told) == 4
+    path = folder / "rubbing.urdf"
+    path.write_text(text.replace(told, f'damping="{damping}" friction="{friction}"'))
+    given = {name: robot.source[name] for name in ("feet", "loops", "posture")}
+    return hp.load_robot(path, **given)
+
+
 ROBOTS = {
     "four_bar": four_bar,
     "parallel_ankle": parallel_ankle,
     "coupled": coupled,
     "across": across,
+    "rubbing": rubbing,
 }

@@ -176,14 +176,14 @@ class Balance:
             for sign in (1.0, -1.0):
                 change = np.zeros(nv)
                 change[k] = sign * STEP
-                model.update(pin.integrate(robot.model, q, change), rest)
+                model.update(robot.integrate(q, change), rest)
                 given = np.linalg.solve(
                     model.mass_matrix + np.diag(light), _inputs(model) @ held - model.bias
                 )
                 slope[:, k] += sign * given / (2.0 * STEP)
         state = np.zeros((2 * nv, 2 * nv))
         state[:nv, nv:], state[nv:, :nv] = np.eye(nv), slope
-        state[nv:, nv:] = -np.linalg.solve(mass, np.diag(robot.model.damping))
+        state[nv:, nv:] = -np.linalg.solve(mass, np.diag(model.damping))
         acts = np.vstack((np.zeros((nv, drive.shape[1])), np.linalg.solve(mass, drive)))
         errors = np.repeat((PLACE, TURN, JOINT, SPEED, SPIN, RATE), (3, 3, joints, 3, 3, joints))
         share = robot.mass * GRAVITY / len(robot.thrusters)
@@ -197,12 +197,11 @@ class Balance:
         """(nv,) The acceleration without what no thrust can give; the terms stay at this state."""
         d = self.dynamics
         d.update(q, v)
-        other = d.bias + self.robot.model.damping * v
+        other = d.bias + d.damping * v
         force = d.mass_matrix @ a + other
         lacking = lacking_wrenches(d)
         force[:6] -= lacking @ (lacking.T @ force[:6])
-        found: Vector = np.linalg.solve(d.mass_matrix, force - other)
-        return found
+        return np.asarray(np.linalg.solve(d.mass_matrix, force - other), dtype=np.float64)
 
 
 def _inputs(d: Dynamics) -> Vector:
@@ -253,7 +252,7 @@ class Airway:
         """
         body, legs = self.body(t), self.legs.at(t)
         goal = np.concatenate((body[0], (0.0, 0.0, 0.0, 1.0), legs[0]))
-        away = pin.difference(balance.robot.model, goal, q)
+        away = balance.robot.difference(goal, q)
         away[:3] = np.clip(away[:3], -FARTHEST, FARTHEST)
         still = np.zeros(3)
         error = np.concatenate((away, v - np.concatenate((body[1], still, legs[1]))))

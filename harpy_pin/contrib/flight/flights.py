@@ -12,7 +12,6 @@ from math import inf, sqrt
 from typing import Any
 
 import numpy as np
-import pinocchio as pin
 
 from harpy_pin import checks
 from harpy_pin.contrib.flight.airway import SWIFT, Airway, Fall, Quintic, rest
@@ -191,7 +190,7 @@ def _landing(flyer: Flyer, plan: PlannedJump) -> Vector:
         v = v + TICK * airway.acceleration(t, q, v, flyer.balance)
         if t > airway.sinks and places[:, 2].min() <= 0.0:
             return np.array(places.mean(axis=0)[:2])
-        q = pin.integrate(flyer.robot.model, q, TICK * v)
+        q = flyer.robot.integrate(q, TICK * v)
         t += TICK
     return np.full(2, np.nan)
 

@@ -61,7 +61,7 @@ class Flyer:
             axis=0
         )  # their middle then, about the body, m
         self.stand: Vector = self.postures.feet.mean(axis=0)  # the same in standing
-        centre = pin.centerOfMass(robot.model, robot.model.createData(), q) - q[:3]
+        centre = pin.centerOfMass(robot.model, robot.model.createData(), robot.closed(q)) - q[:3]
         self.over: Vector = np.array(
             (centre[0], centre[1], self.stand[2])
         )  # the point below the centre of mass
@@ -181,7 +181,7 @@ class AirPostures:
         model, data = self.robot.model, self.robot.model.createData()
         self._dynamics.update(q, v)
         axes = lacking_moments(self._dynamics)[3:]
-        pin.ccrba(model, data, q, v)
+        pin.ccrba(model, data, self.robot.closed(q), self.robot.velocity_map(q) @ v)
         # An impulse p at the thrusters turns the robot by −c × p about its centre of mass c.
         lever = -axes.T @ pin.skew(data.com[0] - q[:3])[:, :2]
         impulse = np.linalg.lstsq(lever, -axes.T @ data.hg.angular, rcond=1e-6)[0]

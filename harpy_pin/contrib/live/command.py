@@ -24,6 +24,7 @@ def live(
     robot: options.RobotOption = "harpy",
     feet: options.FeetOption = None,
     flat_feet: options.FlatFeetOption = None,
+    loops: options.LoopsOption = None,
     posture: options.PostureOption = None,
     friction: Annotated[
         float, typer.Option(help="Static friction coefficient; sliding friction is 0.9 of it.")
@@ -69,7 +70,7 @@ def live(
     harpy live --robot anymal_c --set schedule=crawl --speed 0.3
     harpy live --duration 20 --speed 0.3 --no-browser --json times.json
     """
-    walker = options.read_robot_options(robot, feet, posture, flat_feet)
+    walker = options.read_robot_options(robot, feet, posture, flat_feet, loops)
     if urdf is not None and walker != "harpy":
         raise InputError("--urdf is a variant of Harpy: it does not go with --robot", name="urdf")
     if duration is not None:

@@ -35,11 +35,12 @@ class SingleBody:
     """
 
     def __init__(self, robot: Robot, q: Vector) -> None:
-        self._model, self._data = robot.model, robot.model.createData()
+        self._robot, self._data = robot, robot.model.createData()
         self.mass = robot.mass
-        pin.ccrba(robot.model, self._data, q, np.zeros(robot.nv))
+        tree = robot.closed(q)
+        pin.ccrba(robot.model, self._data, tree, np.zeros(robot.model.nv))
         self.inertia: Vector = self._data.Ig.inertia.copy()
-        self.centre: Vector = pin.centerOfMass(robot.model, self._data, q) - q[:3]
+        self.centre: Vector = pin.centerOfMass(robot.model, self._data, tree) - q[:3]
         self.motion: Vector = np.zeros((2, 6))
 
     def measure(self, state: State) -> None:
@@ -47,7 +48,9 @@ class SingleBody:
         self.rotation = pin.Quaternion(state.q[3:7]).matrix()
         roll, pitch, self.yaw = pin.rpy.matrixToRpy(self.rotation)
         self.turn = pin.rpy.rpyToMatrix(0.0, 0.0, self.yaw)
-        pin.centerOfMass(self._model, self._data, state.q, state.v)
+        robot, q = self._robot, state.q
+        speed = robot.velocity_map(q) @ state.v
+        pin.centerOfMass(robot.model, self._data, robot.closed(q), speed)
         self.place = self._data.com[0] - self.turn @ self.centre
         self.motion[0, 3:] = roll, pitch, 0.0
         self.motion[1, :3] = self.turn.T @ self._data.vcom[0]

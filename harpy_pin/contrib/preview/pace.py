@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 import pinocchio as pin
 
+from harpy_pin.errors import InputError
 from harpy_pin.gaits.fitting import GRAVITY
 from harpy_pin.gaits.planned import DESCENT, EARLY, RISE
 from harpy_pin.gaits.swing import on_its_way
@@ -79,10 +80,8 @@ class Stride:
         self.natural = float(np.sqrt(leg / GRAVITY))
         model = robot.model
         self._data, self._frames = model.createData(), [robot.frame_id(f) for f in robot.feet]
-        self._columns = np.array(
-            [[model.joints[j].idx_v for j in one.joints] for one in legs(robot)]
-        )
-        pin.framesForwardKinematics(model, self._data, q)
+        self._columns = np.array([one.columns for one in legs(robot)])
+        pin.framesForwardKinematics(model, self._data, robot.closed(q))
         self._feet = np.array([self._data.oMf[f].translation for f in self._frames])
 
     def way(self, speed: float, stance: float, swing: float) -> Vector:
@@ -107,15 +106,25 @@ class Stride:
         return way
 
     def pace(self, speed: float, stance: float, swing: float) -> Pace:
-        """What these durations ask of the motors at a speed, m/s."""
-        model, data, columns = self.robot.model, self._data, self._columns
-        q, path, pushes = self.q.copy(), [], []
+        """What these durations ask of the motors at a speed, m/s; infinitely much where a linkage
+        does not go so far.
+        """
+        try:
+            return self._asked(speed, stance, swing)
+        except InputError:
+            return Pace(speed, stance, swing, np.inf, np.inf)
+
+    def _asked(self, speed: float, stance: float, swing: float) -> Pace:
+        robot, data, columns = self.robot, self._data, self._columns
+        model, q = robot.model, self.q.copy()
+        path, pushes, maps = list[Vector](), list[Vector](), list[Vector]()
         for offset in self.way(speed, stance, swing):
             for _ in range(ITERATIONS):
-                pin.computeJointJacobians(model, data, q)
+                spread = robot.velocity_map(q)
+                pin.computeJointJacobians(model, data, robot.closed(q))
                 pin.updateFramePlacements(model, data)
                 jacobians = np.array([
-                    pin.getFrameJacobian(model, data, f, pin.LOCAL_WORLD_ALIGNED)[:3, c]
+                    pin.getFrameJacobian(model, data, f, pin.LOCAL_WORLD_ALIGNED)[:3] @ spread[:, c]
                     for f, c in zip(self._frames, columns, strict=True)
                 ])  # fmt: skip
                 places = np.array([data.oMf[f].translation for f in self._frames])
@@ -123,29 +132,30 @@ class Stride:
                 square = jacobians @ jacobians.transpose(0, 2, 1) + 1e-6 * np.eye(3)
                 step = jacobians.transpose(0, 2, 1) @ np.linalg.solve(square, off[..., None])
                 q[columns + 1] += step[..., 0]
-            path.append(q[7:].copy())
+            path.append(robot.closed(q)[7:].copy())
             pushes.append(jacobians[:, 2])
+            maps.append(robot.velocity_map(q))
         times = np.append(stance, swing) / SAMPLES
         span = np.repeat(times, SAMPLES)[:, None]
         ways = (np.roll(path, -1, axis=0) - path) / span
         speeds = 0.5 * (ways + np.roll(ways, 1, axis=0))
         bends = 2.0 * (ways - np.roll(ways, 1, axis=0)) / (span + np.roll(span, 1, axis=0))
         # Feet that stand bear the weight for the whole stride, in pairs that take turns
-        force = 0.25 * self.robot.mass * GRAVITY * (stance + swing) / stance
-        torque = np.zeros((2 * SAMPLES, model.nv))
-        v, a = np.zeros(model.nv), np.zeros(model.nv)
+        force = 0.25 * robot.mass * GRAVITY * (stance + swing) / stance
+        torque = np.zeros((2 * SAMPLES, robot.nv))
+        v, a, tree = np.zeros(model.nv), np.zeros(model.nv), robot.closed(self.q).copy()
         for i, (angles, speeds_now, bend) in enumerate(zip(path, speeds, bends, strict=True)):
-            q[7:], v[6:], a[6:] = angles, speeds_now, bend
-            torque[i] = pin.rnea(model, data, q, v, a)
+            tree[7:], v[6:], a[6:] = angles, speeds_now, bend
+            torque[i] = maps[i].T @ pin.rnea(model, data, tree, v, a)
             if i < SAMPLES:
                 torque[i, columns] -= force * pushes[i]
-        velocity = float(np.max(np.abs(speeds) / model.velocityLimit[6:]))
+        velocity = float(np.max(np.abs(speeds[:, robot.columns - 6]) / robot.velocity_limit))
         return Pace(
             speed,
             stance,
             swing,
             velocity,
-            float(np.max(np.abs(torque[:, 6:]) / model.effortLimit[6:])),
+            float(np.max(np.abs(torque[:, 6:]) / robot.torque_limit)),
         )
 
     def best(self, speed: float) -> Pace:

@@ -104,10 +104,9 @@ class Preview:
         gait: str = "trot",
     ) -> None:
         checks.instance("robot", robot, Robot)
-        open_legs = robot.corners == (1, 1, 1, 1) and robot.loops is None
-        if not open_legs or any(len(leg.joints) != 3 for leg in legs(robot)):
+        if robot.corners != (1, 1, 1, 1) or any(len(leg.joints) != 3 for leg in legs(robot)):
             raise InputError(
-                f"the preview needs four open legs of three joints on points, not '{robot.name}'",
+                f"the preview needs four legs of three joints on points, not '{robot.name}'",
                 name="robot",
             )
         self.robot = robot

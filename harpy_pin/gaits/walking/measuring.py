@@ -25,6 +25,8 @@ def measure(p: WalkingRecord, q: Vector, v: Vector, foot_force: Vector) -> bool:
     if not (all_possible(q) and all_possible(v) and is_unit(q) and all_possible_rows(foot_force)):
         return False
     place_bodies(m.tree, q, v)
+    if m.tree.loops.start.shape[0] > 0 and m.tree.loops.closed == 0:
+        return False
     x, y, z, w = q[3], q[4], q[5], q[6]
     m.heading = np.arctan2(2.0 * (x * y + w * z), 1.0 - 2.0 * (y * y + z * z))
     if p.build.facing != 0.0:

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from harpy_pin.errors import InputError
 from harpy_pin.gaits.fitting import GRAVITY
 from harpy_pin.gaits.swing import toward
+from harpy_pin.gaits.velocity import largest
 from harpy_pin.gaits.walking.build import Build
 from harpy_pin.model.legs import legs
 from harpy_pin.model.posed import Posed
@@ -19,6 +20,8 @@ SAMPLES = 30
 """Samples of a swing."""
 ITERATIONS = 6
 """Iterations of the inverse kinematics at each of them, from the one before."""
+HALVINGS = 7
+"""Of the height in search of what a foot can be raised."""
 SMALL = 1e-6
 """Regularises it where a leg is stretched, m²."""
 
@@ -80,6 +83,26 @@ def swing_load(
         torque = (robot.velocity_map(followed[i]).T @ torque)[joints]
         worst = max(worst, float(np.max(np.abs(torque) / limit[joints - 6])))
     return worst
+
+
+def free_lift(robot: Robot, q: Vector, build: Build, clearance: float) -> float:
+    """Height up to the clearance to which each foot can be raised at its place, before a joint of
+    its leg comes to its end; the clearance itself where the leg is beyond one before.
+    """
+    lower, upper = robot.joint_lower, robot.joint_upper
+    place, unbounded = robot.layout
+    joints = np.array([column for leg in legs(robot) for column in leg.columns]) - 6
+    ranged = joints[(lower < upper)[joints] & (unbounded[joints] == 0)]
+
+    def reached(lift: float) -> bool:
+        try:
+            way = np.array([[0.0, 0.0, q[2] - build.height + lift]])
+            angle = _follow(robot, q, way)[0][place[ranged]]
+        except InputError:  # a linkage does not go so far
+            return False
+        return bool(np.all((lower[ranged] <= angle) & (angle <= upper[ranged])))
+
+    return largest(reached, clearance, halvings=HALVINGS) or clearance
 
 
 def _follow(robot: Robot, q: Vector, way: Vector) -> list[Vector]:

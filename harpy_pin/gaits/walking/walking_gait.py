@@ -22,6 +22,7 @@ from harpy_pin.gaits.walking.pace import pace_of
 from harpy_pin.gaits.walking.parameters import WalkingParameters, changed, parameters_of
 from harpy_pin.gaits.walking.record import WalkingRecord, walking_record
 from harpy_pin.gaits.walking.schedules import BY_FEET, draw_together, groups_of
+from harpy_pin.gaits.walking.swing_load import free_lift
 from harpy_pin.gaits.walking.swinging import PEAK
 from harpy_pin.gaits.walking.tick import advance
 from harpy_pin.ground.surface import greatest_rise
@@ -62,7 +63,7 @@ class WalkingGait(FollowsVelocity):
             each valid from its time, s, on; or a function from the time to the command.
         posture: (joints,) angles in which it stands, rad; by default as of :class:`Standing`.
         clearance: height of a foot at mid-swing, m; by default that of the parameters, which is a
-            share of the leg.
+            share of the leg, or less where a joint of a leg on a point would come to its end.
         max_speed: largest velocity of a foot's place, m/s; by default what legs can reach and
             motors can hold and swing, √(g leg) at most.
         parameters: the tuned numbers; or those that differ, by name.
@@ -121,6 +122,8 @@ class WalkingGait(FollowsVelocity):
         self._group = groups_of(self.schedule, build.around())
         if clearance is None:
             clearance = w.clearance * build.leg
+            if not build.soles:  # the ankle of a sole takes part, too
+                clearance = free_lift(robot, q, build, clearance)
         clearance = checks.number("clearance", clearance, low=0.0, high=build.leg, strict=True)
         if max_speed is not None:
             max_speed = checks.number("max_speed", max_speed, low=0.0, high=20.0, strict=True)

@@ -92,6 +92,7 @@ class Conventions:
         joints: (joints,) numbers of the robot's joints in the model.
         free: that of the free joint.
         velocity: (joints,) places of the robot's joints in MuJoCo's ``qvel``.
+        passive: those of joints that closed loops move.
 
     Raises:
         InputError: the model has no free joint, lacks a joint, or has one of another kind, axis,
@@ -115,6 +116,9 @@ class Conventions:
         self._at_zero.check_joints()
         place, unbounded = robot.layout
         self.velocity = model.jnt_dofadr[self.joints].astype(np.int64)
+        loops = () if robot.loops is None else robot.loops.passive
+        self._passive = self._tree[np.array(loops, dtype=np.int64) - ROOT - 1]
+        self.passive = model.jnt_dofadr[self._passive]
         self.record = make_record(
             ConventionsRecord,
             base_position=np.int64(model.jnt_qposadr[self.free]),
@@ -164,11 +168,10 @@ class Conventions:
         """
         to_mujoco(self._record_, q, v, qpos, qvel)
         if self._robot.loops is not None:
-            numbers = self._tree[np.array(self._robot.loops.passive) - ROOT - 1]
             moved = [self._robot.model.joints[j] for j in self._robot.loops.passive]
             tree, speed = self._robot.closed(q), self._robot.velocity_map(q) @ v
             angles, speeds = tree[[j.idx_q for j in moved]], speed[[j.idx_v for j in moved]]
-            set_hinges(self._model, numbers, angles, speeds, qpos, qvel)
+            set_hinges(self._model, self._passive, angles, speeds, qpos, qvel)
         qpos[self._model.jnt_qposadr[self._at_zero.resting]] = self._model.qpos_spring[
             self._model.jnt_qposadr[self._at_zero.resting]
         ]

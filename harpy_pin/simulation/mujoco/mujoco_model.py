@@ -25,7 +25,9 @@ from harpy_pin.simulation.mujoco.conventions import Conventions, import_mujoco
 
 NO_MOMENT = np.zeros(3)
 TIED, RIGID = (2e-3, 1.0), (0.9999, 0.9999, 1e-3, 0.5, 2.0)
-"""``solref`` and ``solimp`` of closed loops: s and damping ratio; constant impedance."""
+"""``solref`` and ``solimp`` of closed loops and of the dry friction of their joints: s and damping
+ratio; constant impedance.
+"""
 MIN_MASS, MIN_INERTIA = 1e-12, 1e-12
 """Least mass and inertia of a body that moves, kg and kg·m²: MuJoCo takes no smaller ones, whatever
 the joint's armature.
@@ -97,6 +99,10 @@ class MujocoModel(KeepsViews):
         self.conventions = Conventions(self.model, robot)
         self.joint_places = self.conventions.velocity.tolist()
         self.model.dof_damping[self.joint_places] = robot.damping
+        passive = self.conventions.passive
+        self.model.dof_damping[passive] = tree["loops"]["damping"][0]
+        self.model.dof_frictionloss[passive] = tree["loops"]["dry"][0]
+        self.model.dof_solref[passive], self.model.dof_solimp[passive] = TIED, RIGID
         self.data: Any = mujoco.MjData(self.model)
         self.feet = [int(self.model.geom(f"foot:{foot}").id) for foot in robot.feet]
         self.planes = [int(self.model.geom(name).id) for name in planes if own_planes]

@@ -26,6 +26,7 @@ from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
 from harpy_pin.model.urdf import read_xml
 from harpy_pin.view.palette import as_hex
+from harpy_pin.view.scene.loop_rods import LoopRod, loop_ends, loop_rods
 from harpy_pin.view.scene.meshes import mesh_parts
 from harpy_pin.view.scene.nodes import (
     Box,
@@ -79,17 +80,19 @@ class RobotNodes:
             )
         if not self.nodes:
             self._add_skeleton(robot, 0.02 * max(height, 0.1))
-        self._legs = [
-            leg for leg in (find_pantograph(robot, foot) for foot in robot.feet) if leg is not None
+        legs = (find_pantograph(robot, foot) for foot in robot.feet)
+        self._parts: list[Pantograph | LoopRod] = [
+            *(leg for leg in legs if leg is not None),
+            *loop_rods(robot),
         ]
-        for leg in self._legs:
-            self.nodes += leg.nodes
+        for part in self._parts:
+            self.nodes += part.nodes
 
     def motions(self, joints: Vector) -> Motions:
         """Where everything is, from (n, model joints, 4, 4) joint placements."""
         motions = {name: from_matrices(joints[:, j]) for j, name in enumerate(self.names)}
-        for leg in self._legs:
-            motions |= leg.motions(joints)
+        for part in self._parts:
+            motions |= part.motions(joints)
         return motions
 
     def _add_shape(self, path: str, shape: pin.GeometryObject) -> None:
@@ -111,14 +114,16 @@ class RobotNodes:
             self.nodes.append(Node(path, drawn, _look(shape.meshColor), place))
 
     def _add_skeleton(self, robot: Robot, radius: float) -> None:
-        """Rods from each joint to its child joints and feet, and a ball at each joint."""
+        """Rods from each joint to its child joints, feet and ends of loops, and a ball at each
+        joint.
+        """
         model = robot.model
         ends = [
             (model.parents[j], model.jointPlacements[j].translation)
             for j in range(2, model.njoints)
         ]
-        feet = [model.frames[robot.frame_id(name)] for name in robot.feet]
-        ends += [(frame.parentJoint, frame.placement.translation) for frame in feet]
+        frames = [model.frames[robot.frame_id(n)] for n in (*robot.feet, *loop_ends(robot))]
+        ends += [(frame.parentJoint, frame.placement.translation) for frame in frames]
         for number, (joint, end) in enumerate(ends):
             name, length = self.names[joint], float(np.linalg.norm(end))
             self.nodes.append(Node(f"{name}/ball_{number}", Sphere(1.5 * radius), GREY))

@@ -193,7 +193,7 @@ def test_plans_are_the_motion_of_their_forces():
 
 def test_it_is_for_quadrupeds_on_points():
     for name in ("bolt", "g1"):
-        with pytest.raises(hp.InputError, match="four open legs of three joints"):
+        with pytest.raises(hp.InputError, match="four legs of three joints"):
             Preview(hp.load_robot(name))
     for wrong in ({"mu": 0.0}, {"max_speed": -1.0}, {"velocity": (1.0,)}, {"gait": "hop"}):
         with pytest.raises(hp.InputError):
