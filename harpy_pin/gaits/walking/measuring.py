@@ -96,19 +96,27 @@ def above_ground(p: WalkingRecord) -> None:
 @kernel
 def _measure_centre(t: TreeRecord, m: MeasuredRecord) -> None:
     """Place of the centre of mass, and momentum, after the bodies are placed."""
-    place, velocity, spin = np.zeros(3), np.zeros(3), np.zeros(3)  # times masses
+    place, velocity, spin = np.zeros(3), np.zeros(3), np.zeros(3)
     for i in range(t.mass.shape[0]):
-        r, linear, angular = t.axes[i], t.twist[i, :3], t.twist[i, 3:]
-        c = t.position[i] + r @ t.centre[i]
-        w = linear + np.cross(angular, c)
-        place += t.mass[i] * c
-        velocity += t.mass[i] * w
-        spin += t.mass[i] * np.cross(c, w) + r @ (t.inertia[i] @ (r.T @ angular))
+        _add_body(t, i, place, velocity, spin)
     total = np.sum(t.mass)
     spin -= np.cross(place, velocity) / total  # from the origin of the base to the centre of mass
     m.centre[:3] = m.body[:3] + t.rotation @ place / total
     m.centre[3:] = t.rotation @ velocity / total
     m.spin[:] = t.rotation @ spin / total
+
+
+@kernel
+def _add_body(t: TreeRecord, i: int, place: Vector, velocity: Vector, spin: Vector) -> None:
+    """Add a body's mass times place, its momentum, and its angular momentum about the base's
+    origin, base axes.
+    """
+    r, linear, angular = t.axes[i], t.twist[i, :3], t.twist[i, 3:]
+    c = t.position[i] + r @ t.centre[i]
+    w = linear + np.cross(angular, c)
+    place += t.mass[i] * c
+    velocity += t.mass[i] * w
+    spin += t.mass[i] * np.cross(c, w) + r @ (t.inertia[i] @ (r.T @ angular))
 
 
 @kernel
