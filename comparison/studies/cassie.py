@@ -1,4 +1,4 @@
-"""Walk Cassie in MuJoCo Menagerie's own model, whose springs are alive.
+"""Walk Cassie in Menagerie's own model, springs alive.
 
 The controller's model has closed loops, and springs that are held at rest; MuJoCo's has rods on
 ball joints, springs in shins and heels, and damped joints without motors. The body begins with a
@@ -119,7 +119,7 @@ STUDY = Study(
         "mjcf": "out/clones/mujoco_menagerie/agility_cassie/scene.xml",
     },
     quick={"walks": 1, "duration": 2.0},
-    options={"mjcf": "The file, with level ground.", "seed": "Of commands, starts and pushes."},
+    options={"mjcf": "The file, with level ground."},
     jobs=_jobs,
     measure=_measured,
     views=[

@@ -7,10 +7,8 @@ from collections.abc import Mapping
 from dataclasses import asdict
 from typing import Any, Literal, overload
 
-from harpy_pin import checks
+from harpy_pin import checks, controllers, governors
 from harpy_pin.arguments import checked
-from harpy_pin.controllers.condensed import CondensedController
-from harpy_pin.controllers.governed import GovernedController
 from harpy_pin.controllers.parameters import (
     JOINT_TARGETS,
     MAX_FORCE,
@@ -18,18 +16,11 @@ from harpy_pin.controllers.parameters import (
     WholeBodyParameters,
     changed,
 )
-from harpy_pin.controllers.whole_body import WholeBodyController
 from harpy_pin.errors import InputError
 from harpy_pin.gaits.fitting import GRAVITY
 from harpy_pin.gaits.gait import Gait
-from harpy_pin.governors.contact_force_filter import ContactForceFilter
-from harpy_pin.governors.contact_force_parameters import ContactForceFilterParameters
-from harpy_pin.governors.erg import ExplicitReferenceGovernor, PaperGovernorParameters
-from harpy_pin.governors.governor import Governor
-from harpy_pin.governors.rows import ForceRows
-from harpy_pin.governors.thrust import CentreGains
 from harpy_pin.model.robot import Robot
-from harpy_pin.simulation.mujoco.bridge import MujocoBridge
+from harpy_pin.simulation import mujoco
 from harpy_pin.wbc import WholeBodyWeights
 
 CONTROLLERS = ("governed", "wbc", "condensed")
@@ -49,9 +40,9 @@ def make_governor(
     *,
     mu: float,
     evaluate_at: str = "measured",
-    gains: CentreGains | None = None,
+    gains: governors.CentreGains | None = None,
     parameters: Mapping[str, Any] | None = None,
-) -> Governor | None:
+) -> governors.Governor | None:
     """A governor of the 3D walk by name, with the paper's rates and least normal force unless said
     otherwise.
 
@@ -75,7 +66,7 @@ def make_governor(
             value=name,
         )
     settings = make_governor_parameters(name, mu=mu, changes=parameters)
-    if not isinstance(settings, PaperGovernorParameters):
+    if not isinstance(settings, governors.PaperGovernorParameters):
         return None
     if (
         "min_normal_force" not in (parameters or {})
@@ -92,26 +83,32 @@ def make_governor(
         )
     of_governor = asdict(settings)
     of_rows = {key: of_governor.pop(key) for key in ("friction_share", "min_normal_force")}
-    rows = ForceRows(mass=robot.mass, mu=mu, gains=gains, evaluate_at=evaluate_at, **of_rows)
-    return ExplicitReferenceGovernor(rows, **of_governor)
+    rows = governors.ForceRows(
+        mass=robot.mass, mu=mu, gains=gains, evaluate_at=evaluate_at, **of_rows
+    )
+    return governors.ExplicitReferenceGovernor(rows, **of_governor)
 
 
 @overload
 def make_controller(
     name: Literal["governed"], gait: Gait, *, mu: float, **settings: Any
-) -> GovernedController: ...
+) -> controllers.GovernedController: ...
 @overload
 def make_controller(
     name: Literal["wbc"], gait: Gait, *, mu: float, **settings: Any
-) -> WholeBodyController: ...
+) -> controllers.WholeBodyController: ...
 @overload
 def make_controller(
     name: Literal["condensed"], gait: Gait, *, mu: float, **settings: Any
-) -> CondensedController: ...
+) -> controllers.CondensedController: ...
 @overload
 def make_controller(
     name: str, gait: Gait, *, mu: float, **settings: Any
-) -> GovernedController | WholeBodyController | CondensedController: ...
+) -> (
+    controllers.GovernedController
+    | controllers.WholeBodyController
+    | controllers.CondensedController
+): ...
 @checked
 def make_controller(
     name: str,
@@ -120,9 +117,13 @@ def make_controller(
     mu: float,
     governor: str | None = None,
     period: float | None = None,
-    bridge: MujocoBridge | None = None,
+    bridge: mujoco.MujocoBridge | None = None,
     **settings: Any,
-) -> GovernedController | WholeBodyController | CondensedController:
+) -> (
+    controllers.GovernedController
+    | controllers.WholeBodyController
+    | controllers.CondensedController
+):
     """A walking controller by name.
 
     Args:
@@ -182,26 +183,26 @@ def make_controller(
                 value=governor,
             )
         return (
-            CondensedController(gait, parameters)
+            controllers.CondensedController(gait, parameters)
             if name == "condensed"
-            else WholeBodyController(gait, parameters)
+            else controllers.WholeBodyController(gait, parameters)
         )
     governor, changes = governor or "paper", of_governor.pop("governor_parameters", None)
     if governor == "filter":
         of_filter = make_governor_parameters("filter", mu=mu, changes=changes)
-        assert isinstance(of_filter, ContactForceFilterParameters)
-        force_filter = ContactForceFilter(gait.robot, of_filter, period=period)
-        return GovernedController(gait, None, parameters, force_filter=force_filter)
+        assert isinstance(of_filter, governors.ContactForceFilterParameters)
+        force_filter = governors.ContactForceFilter(gait.robot, of_filter, period=period)
+        return controllers.GovernedController(gait, None, parameters, force_filter=force_filter)
     chosen = make_governor(
         governor, gait.robot, mu=mu, gains=parameters.centre, parameters=changes, **of_governor
     )
-    return GovernedController(gait, chosen, parameters)
+    return controllers.GovernedController(gait, chosen, parameters)
 
 
 @checked
 def make_governor_parameters(
     name: str, *, mu: float, changes: Mapping[str, Any] | None = None
-) -> PaperGovernorParameters | ContactForceFilterParameters | None:
+) -> governors.PaperGovernorParameters | governors.ContactForceFilterParameters | None:
     """The parameters of a governor by name; None for ``none``, which has none.
 
     Args:
@@ -216,9 +217,9 @@ def make_governor_parameters(
     """
     checks.one_of("governor", name, GOVERNORS)
     if name == "paper":
-        return changed(PaperGovernorParameters(), changes)
+        return changed(governors.PaperGovernorParameters(), changes)
     if name == "filter":
-        return changed(ContactForceFilterParameters(mu=mu), changes, fixed=("mu",))
+        return changed(governors.ContactForceFilterParameters(mu=mu), changes, fixed=("mu",))
     if changes:
         raise InputError(
             f"the governor '{name}' has no parameters", name="governor_parameters", value=changes

@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 from copy import deepcopy
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -34,9 +34,6 @@ from harpy_pin.model.loops import Loops, driven_supports, find_loops, read_loops
 from harpy_pin.model.robot import SOLE_JOINTS, KnownJoints, Robot, feet_moved
 from harpy_pin.model.rotor import Rotor
 from harpy_pin.model.urdf import Description, read_urdf, read_xml, robot_errors
-
-if TYPE_CHECKING:
-    from harpy_pin.model.mjcf import Description as MujocoDescription
 
 
 def harpy_urdf() -> Path:
@@ -186,7 +183,7 @@ def load_robot(
     return robot if joints is None else robot.with_joints(_read_joints(joints))
 
 
-def _read(urdf: Any, path: Path | None, frames: Sequence[str]) -> Description | MujocoDescription:
+def _read(urdf: Any, path: Path | None, frames: Sequence[str]) -> Description:
     """What a file, or a ``mujoco.MjModel``, says of a robot with these frames."""
     if path is not None:
         with robot_errors(path, "an MJCF file"):
@@ -216,9 +213,7 @@ def _refuse_absent(
             raise RobotError(message, path=path)
 
 
-def _soles(
-    read: Description | MujocoDescription, feet: Sequence[str], closing: Loops | None
-) -> dict[str, FlatFoot]:
+def _soles(read: Description, feet: Sequence[str], closing: Loops | None) -> dict[str, FlatFoot]:
     """The soles that were found of legs that can keep them level."""
     model = read.model
     moved, above = feet_moved(model, feet, closing), driven_supports(model, closing)

@@ -86,7 +86,7 @@ class Loops:
 
 
 def read_loops(given: Any, model: pin.Model) -> tuple[Loop, ...]:
-    """Loops as :func:`~harpy_pin.model.robot.load_robot` takes them: triples of two frames and a
+    """Loops as :func:`~harpy_pin.model.loading.load_robot` takes them: triples of two frames and a
     kind.
 
     A length is that at zero angles.

@@ -10,8 +10,7 @@ from __future__ import annotations
 
 import re
 import warnings
-from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Collection, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +21,7 @@ from numpy.typing import ArrayLike, NDArray
 from harpy_pin import checks
 from harpy_pin.errors import InputError, shown
 from harpy_pin.model.flat_foot import SOLE_DEPTH, FlatFoot, find_sole
-from harpy_pin.model.loops import Tie, joints_of
+from harpy_pin.model.loops import joints_of
 from harpy_pin.model.mjcf_loops import (
     body_name,
     driven_joints,
@@ -47,7 +46,7 @@ from harpy_pin.model.mjcf_rods import (
 )
 from harpy_pin.model.state import Vector
 from harpy_pin.model.tree import tree_record
-from harpy_pin.model.urdf import check_bodies, robot_errors
+from harpy_pin.model.urdf import Description, check_bodies, robot_errors
 
 TENDON = 3  # ``mujoco.mjtTrn``
 FIXED_GAIN, NO_BIAS, NO_DYNAMICS = 0, 0, 0  # ``mujoco.mjtGain``, ``mjtBias``, ``mjtDyn``
@@ -64,29 +63,6 @@ def compile_mjcf(path: Path) -> Any:
     """The ``mujoco.MjModel`` of an MJCF file; one that MuJoCo refuses is a :class:`RobotError`."""
     with robot_errors(path, "an MJCF file", "MuJoCo"):
         return import_mujoco().MjModel.from_xml_path(str(path))
-
-
-@dataclass(frozen=True)
-class Description:
-    """What a file says of a robot.
-
-    Attributes:
-        model: Pinocchio's.
-        posture: (joints,) angles in which it stands, rad; None where there are none.
-        soles: of frames that are flat feet.
-        radii: of the spheres around the points of other frames, m.
-        ties: closed loops and couplings.
-        undriven: Pinocchio's numbers of the joints without a motor.
-        start: (all joints,) angles from which closed loops are searched; None for zero.
-    """
-
-    model: pin.Model
-    posture: Vector | None = None
-    soles: Mapping[str, FlatFoot] = field(default_factory=dict)
-    radii: Mapping[str, float] = field(default_factory=dict)
-    ties: Sequence[Tie] = ()
-    undriven: Sequence[int] = ()
-    start: Vector | None = None
 
 
 def read_mujoco(model: Any, frames: Sequence[str], label: str) -> Description:

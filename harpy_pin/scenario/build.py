@@ -10,10 +10,12 @@ whole-body controller's default solver) the last digits may differ, as they depe
 memory lies; those of ``active_set`` do not.
 """
 
+from __future__ import annotations
+
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -29,8 +31,10 @@ from harpy_pin.scenario.gait_parts import GaitPart, Stand
 from harpy_pin.scenario.scenario import Scenario
 from harpy_pin.simulation.loop import Controller
 from harpy_pin.simulation.plant import Plant
-from harpy_pin.simulation.sensing import ESTIMATED, EstimatedState, estimated_state
-from harpy_pin.simulation.sensors import Sensors
+from harpy_pin.simulation.sensors import ESTIMATED, Sensors
+
+if TYPE_CHECKING:
+    from harpy_pin.simulation.sensing import EstimatedState
 
 
 @dataclass(frozen=True, eq=False)
@@ -153,6 +157,8 @@ def build(
     delay = checks.multiple("delay", disturbances.delay, "period", scenario.period, low=0)
     sensors: Sensors | EstimatedState | None = None
     if scenario.sensors is not None:
+        from harpy_pin.simulation.sensing import estimated_state
+
         how: dict[str, Any] = {"feedback": scenario.state == ESTIMATED, "seed": disturbances.seed}
         how |= {"controller": chosen, "period": period}
         sensors = estimated_state(simulator, gait.robot, scenario.sensors, **how)

@@ -7,18 +7,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from harpy_pin import checks
+from harpy_pin import checks, gaits
 from harpy_pin.arguments import checked
 from harpy_pin.errors import InputError, shown
-from harpy_pin.gaits.commanded import CommandedGait, make_commanded_gait
 from harpy_pin.gaits.gait import Gait
-from harpy_pin.gaits.on_terrain import OnTerrain
-from harpy_pin.gaits.standing import Hovering, Standing
-from harpy_pin.gaits.straight import make_gait
 from harpy_pin.gaits.velocity import is_sequence, read_velocity
 from harpy_pin.gaits.walking.can_walk import SHORT_LEG, why_no_walk
 from harpy_pin.gaits.walking.schedules import BY_FEET, SCHEDULES
-from harpy_pin.gaits.walking.walking_gait import WalkingGait
 from harpy_pin.ground.ground import MAX_STIFFNESS
 from harpy_pin.ground.terrain import Terrain
 from harpy_pin.model.catalogue import CATALOGUE
@@ -98,7 +93,7 @@ class GaitPart(Part):
             normal_error: angle by which the normals are wrong, about y, rad.
             friction: coefficient that the controller assumes.
         """
-        return OnTerrain(gait, terrain, normal_error=normal_error, friction=friction)
+        return gaits.OnTerrain(gait, terrain, normal_error=normal_error, friction=friction)
 
     @classmethod
     @checked
@@ -131,7 +126,7 @@ class Straight(GaitPart):
     def make(self, robot: Robot, stiffness: float) -> Gait:
         """See :class:`GaitPart`."""
         stiffness = stiffness if self.stiffness is None else self.stiffness
-        return make_gait(robot, speed=self.speed, stiffness=stiffness)
+        return gaits.make_gait(robot, speed=self.speed, stiffness=stiffness)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -145,7 +140,7 @@ class Commanded(GaitPart):
     """
 
     name = "commanded"
-    not_governed = CommandedGait.not_governed
+    not_governed = gaits.CommandedGait.not_governed
     velocity: str | Sequence[float] | Sequence[Sequence[float]] = checks.setting(
         ((0.0, 0.3, 0.0, 0.0),), read_rows, entries=3
     )
@@ -153,7 +148,7 @@ class Commanded(GaitPart):
     @checked
     def make(self, robot: Robot, stiffness: float) -> Gait:
         """See :class:`GaitPart`."""
-        return make_commanded_gait(robot, self.velocity, stiffness=stiffness)
+        return gaits.make_commanded_gait(robot, self.velocity, stiffness=stiffness)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -182,7 +177,8 @@ class Walking(GaitPart):
     def make(self, robot: Robot, stiffness: float) -> Gait:
         """See :class:`GaitPart`."""
         slow = (0.15 if robot.flat_feet else 0.3, 0.0, 0.0)
-        return WalkingGait(robot, self.schedule, slow if self.velocity is None else self.velocity)
+        velocity = slow if self.velocity is None else self.velocity
+        return gaits.WalkingGait(robot, self.schedule, velocity)
 
 
 class Stand(GaitPart):
@@ -194,7 +190,7 @@ class Stand(GaitPart):
     @checked
     def make(self, robot: Robot, stiffness: float) -> Gait:
         """See :class:`GaitPart`."""
-        return Standing(robot)
+        return gaits.Standing(robot)
 
 
 class Hover(GaitPart):
@@ -206,7 +202,7 @@ class Hover(GaitPart):
     @checked
     def make(self, robot: Robot, stiffness: float) -> Gait:
         """See :class:`GaitPart`."""
-        return Hovering(robot)
+        return gaits.Hovering(robot)
 
 
 GAIT_PARTS: dict[str, type[GaitPart]] = {

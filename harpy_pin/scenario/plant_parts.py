@@ -5,22 +5,21 @@ from __future__ import annotations
 from abc import abstractmethod
 from dataclasses import dataclass
 
-from harpy_pin import checks
+from harpy_pin import checks, simulation
 from harpy_pin.arguments import checked
 from harpy_pin.ground.ground import Ground
 from harpy_pin.model.robot import Robot
 from harpy_pin.scenario.parts import Part
+from harpy_pin.simulation import mujoco
 from harpy_pin.simulation.actuators import Actuators
-from harpy_pin.simulation.mujoco.mujoco_plant import MujocoPlant
 from harpy_pin.simulation.mujoco.soft_contact import (
     CONTACTS,
     DEFAULT_PRESET,
     PRESETS,
     preset_ground,
 )
-from harpy_pin.simulation.pinocchio_plant import STICTION_TOLERANCE, TOLERANCES, PinocchioPlant
+from harpy_pin.simulation.pinocchio_plant import STICTION_TOLERANCE, TOLERANCES
 from harpy_pin.simulation.plant import Plant
-from harpy_pin.simulation.simulator import Simulator
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -68,7 +67,7 @@ class Compliant(PlantPart):
         self, robot: Robot, ground: Ground, *, dt: float, actuators: Actuators | None = None
     ) -> Plant:
         """See :class:`PlantPart`."""
-        return Simulator(robot, ground, dt=dt, actuators=actuators)
+        return simulation.Simulator(robot, ground, dt=dt, actuators=actuators)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -91,7 +90,7 @@ class Pinocchio(PlantPart):
     ) -> Plant:
         """See :class:`PlantPart`."""
         tolerance = self.stiction_tolerance
-        return PinocchioPlant(
+        return simulation.PinocchioPlant(
             robot, ground, dt=dt, actuators=actuators, stiction_tolerance=tolerance
         )
 
@@ -125,7 +124,7 @@ class Mujoco(PlantPart):
     ) -> Plant:
         """See :class:`PlantPart`."""
         contact, felt = CONTACTS.get(self.preset), self.felt_ground(ground)
-        return MujocoPlant(
+        return mujoco.MujocoPlant(
             robot, felt, dt=dt, actuators=actuators, contact=contact, foot_radius=self.foot_radius
         )
 

@@ -30,7 +30,7 @@ from harpy_pin.scenario.gait_parts import (
 from harpy_pin.scenario.parts import plain, read_part
 from harpy_pin.scenario.plant_parts import PLANT_PARTS, PlantPart
 from harpy_pin.simulation.push import check_pushes
-from harpy_pin.simulation.sensing import ESTIMATED, TRUE
+from harpy_pin.simulation.sensors import ESTIMATED, TRUE
 
 
 @dataclass(frozen=True, init=False, repr=False, eq=False)

@@ -22,9 +22,6 @@ from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import State, Vector
 from harpy_pin.simulation.plant import Plant
 
-TRUE, ESTIMATED = "true", "estimated"
-"""What a controller may know of the state."""
-
 
 class Sensing(KeepsViews):
     """Sensors of a robot whose true motion is known.

@@ -19,6 +19,9 @@ from harpy_pin.model.memory import KeepsViews
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import State, Vector
 
+TRUE, ESTIMATED = "true", "estimated"
+"""What a controller may know of the state."""
+
 MAX_NOISE = 1e6  # largest standard deviation, in its unit, and largest scale
 DEVIATION: dict[str, Any] = {"low": 0.0, "high": MAX_NOISE}
 

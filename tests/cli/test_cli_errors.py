@@ -71,7 +71,7 @@ def files(tmp_path):
         ("walk --robot x.urdf", "no URDF at 'x.urdf'"),
         (
             "walk --feet left_foot",
-            "--feet, --flat-feet and --posture are of a robot that --robot names",
+            "--feet, --flat-feet, --loops and --posture are of a robot that --robot names",
         ),
         ("walk --robot go2 --posture 0,up,0", "--posture takes angles in rad"),
         ("walk --robot go2 --posture 0,0.8,-5", "beyond its limits"),

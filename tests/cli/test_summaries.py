@@ -30,7 +30,7 @@ def test_no_summary_is_cut(app, option):
         assert len(summary) <= LONGEST, name
 
 
-@pytest.mark.parametrize("command", ["embedded", "rates", "delay", "robots"])
+@pytest.mark.parametrize("command", ["embedded", "delay", "robots"])
 def test_the_condensed_controller_has_one_name(command):
     printed = CliRunner().invoke(comparison, [command, "--help"]).output
     assert "condensed" in printed

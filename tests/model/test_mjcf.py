@@ -17,7 +17,7 @@ from forward_dynamics import mass_matrix
 import harpy_pin as hp
 from harpy_pin.errors import InputError, RobotError
 from harpy_pin.model.source import plain_source, read_robot
-from harpy_pin.view.scene.robot_nodes import load_visuals
+from harpy_pin.view.scene.visuals import load_visuals
 
 mujoco = pytest.importorskip("mujoco", reason="MuJoCo is an extra")
 from random_mjcf import RandomFile  # noqa: E402

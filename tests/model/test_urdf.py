@@ -16,7 +16,7 @@ from hostile import outcome, spoil_urdf
 import harpy_pin as hp
 from harpy_pin import RobotError, load_harpy, load_robot
 from harpy_pin.model.posture import find_posture
-from harpy_pin.view.scene.robot_nodes import load_visuals
+from harpy_pin.view.scene.visuals import load_visuals
 
 ROOT = Path(__file__).resolve().parents[2]
 HARPY = (ROOT / "urdf" / "harpy.urdf").read_text()

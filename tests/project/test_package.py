@@ -82,6 +82,30 @@ def test_import_is_light():
     assert loaded.stdout.strip() == "[]"
 
 
+@pytest.mark.parametrize(
+    "used, most",
+    [
+        ("hp.CondensedController", 62),
+        ("hp.view.write_html, hp.measure", 44),
+        ("hp.walk", 81),
+        ("hp.walk(hp.Scenario(duration=0.01))", 118),
+    ],
+)
+def test_what_is_used_needs_few_files(used, most):
+    """Files that are imported, besides those of the language and ``__init__.py``."""
+    script = f"""
+import sys, harpy_pin as hp
+{used}
+print(*(name for name, module in sys.modules.items() if name.startswith("harpy_pin.")
+    and not hasattr(module, "__path__") and not name.startswith("harpy_pin.kernels.")))
+"""
+    loaded = subprocess.run(
+        [sys.executable, "-c", script], capture_output=True, text=True, check=True, cwd=ROOT
+    )
+    files = loaded.stdout.split()
+    assert 30 < len(files) <= most, files
+
+
 def test_nothing_imports_upward():
     level = {part: i for i, parts in enumerate(ORDER) for part in parts}
     modules = [p for p in PACKAGE.rglob("*.py") if p != PACKAGE / "__init__.py"]

@@ -16,8 +16,8 @@ from harpy_pin.view.scene import meshes
 from harpy_pin.view.scene.frames import Frames, about_normals, ground_of, surface_of
 from harpy_pin.view.scene.meshes import mesh_parts, thin_out
 from harpy_pin.view.scene.nodes import Mesh
-from harpy_pin.view.scene.robot_nodes import load_visuals
 from harpy_pin.view.scene.scene import scene_of
+from harpy_pin.view.scene.visuals import load_visuals
 
 
 def ball(rings):

@@ -19,8 +19,9 @@ from harpy_pin.view import figures_of, replay_html, show, write_html
 from harpy_pin.view.scene.forces import Arrow, Cone, Scales, nice_scale
 from harpy_pin.view.scene.frames import Contacts, Frames, sample_rows
 from harpy_pin.view.scene.nodes import Mesh, Motions, turn_z_to
-from harpy_pin.view.scene.robot_nodes import find_pantograph, load_visuals
+from harpy_pin.view.scene.robot_nodes import find_pantograph
 from harpy_pin.view.scene.scene import follow, scene_of
+from harpy_pin.view.scene.visuals import load_visuals
 
 FPS = 30.0
 

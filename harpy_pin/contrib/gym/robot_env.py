@@ -51,8 +51,8 @@ from harpy_pin.model.state import Command, State, Vector
 from harpy_pin.scenario import Governed, Scenario
 from harpy_pin.scenario import Walking as WalkingPart
 from harpy_pin.simulation.plant import GRAVITY
-from harpy_pin.simulation.sensing import ESTIMATED, EstimatedState, estimated_state
-from harpy_pin.simulation.sensors import Sensors
+from harpy_pin.simulation.sensing import EstimatedState, estimated_state
+from harpy_pin.simulation.sensors import ESTIMATED, Sensors
 
 Numbers = NDArray[np.float32]
 ACTION_KINDS = ("velocity", "joints")  # what an action is

@@ -37,8 +37,8 @@ from harpy_pin.model.loading import load_harpy
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Command, State, Vector
 from harpy_pin.simulation.push import Push
-from harpy_pin.simulation.sensing import ESTIMATED, EstimatedState, estimated_state
-from harpy_pin.simulation.sensors import Noise, Sensors
+from harpy_pin.simulation.sensing import EstimatedState, estimated_state
+from harpy_pin.simulation.sensors import ESTIMATED, Noise, Sensors
 from harpy_pin.simulation.simulator import Simulator
 from harpy_pin.view.identity import CONTROLLERS
 

@@ -19,7 +19,7 @@ import viser
 from harpy_pin.contrib.live.charts import Charts, WholeFeet
 from harpy_pin.contrib.live.settings import MAX_FRICTION, MAX_SLOPE, MIN_FRICTION, DriveRanges
 from harpy_pin.model.robot import Robot
-from harpy_pin.simulation.sensing import ESTIMATED, TRUE
+from harpy_pin.simulation.sensors import ESTIMATED, TRUE
 from harpy_pin.view.identity import CONTROLLERS
 
 PACES = {"real time": 1.0, "1/2": 0.5, "1/5": 0.2, "1/20": 0.05}

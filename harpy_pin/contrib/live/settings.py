@@ -18,7 +18,7 @@ from harpy_pin.model.catalogue import HARPY_FEET, HARPY_THRUSTERS
 from harpy_pin.model.record import field
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
-from harpy_pin.simulation.sensing import ESTIMATED, TRUE
+from harpy_pin.simulation.sensors import ESTIMATED, TRUE
 from harpy_pin.view.identity import CONTROLLERS
 
 DrivenGait: TypeAlias = CommandedGait | WalkingGait
