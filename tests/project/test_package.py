@@ -85,9 +85,9 @@ def test_import_is_light():
 @pytest.mark.parametrize(
     "used, most",
     [
-        ("hp.CondensedController", 62),
+        ("hp.CondensedController", 63),
         ("hp.view.write_html, hp.measure", 44),
-        ("hp.walk", 81),
+        ("hp.walk", 82),
         ("hp.walk(hp.Scenario(duration=0.01))", 118),
     ],
 )
