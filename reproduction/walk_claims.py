@@ -19,10 +19,9 @@ from harpy_pin.log.measures import Measures, measure
 from harpy_pin.log.run import Run
 from harpy_pin.model.loading import load_harpy
 from harpy_pin.model.robot import Robot
-from harpy_pin.model.state import State, Vector
+from harpy_pin.model.state import GRAVITY, State, Vector
 from harpy_pin.model.terms import body_rotation
 from harpy_pin.scenario import Governed, Scenario, walk
-from harpy_pin.simulation.plant import GRAVITY
 from harpy_pin.wbc import make_solver
 from reproduction.chattering import Chattering, chattering
 from reproduction.claims import CLAIMS, Finding, judge

@@ -33,10 +33,9 @@ from harpy_pin.model.cholesky import factorise, solve_vector
 from harpy_pin.model.dynamics import DynamicsRecord, dynamics_record
 from harpy_pin.model.legs import legs
 from harpy_pin.model.record import RecordOf, field, make_record, sized
-from harpy_pin.model.state import Vector
+from harpy_pin.model.state import GRAVITY, Vector
 from harpy_pin.model.terms import update_terms
 from harpy_pin.model.vectors import rotation_in_plane, skew
-from harpy_pin.simulation.plant import GRAVITY
 
 GAINS_FILE = Path(__file__).with_name("gains.json")
 """What the search wrote: gains by robot, and what they came to."""

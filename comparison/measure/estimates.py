@@ -62,7 +62,7 @@ def complementary(
     for k, (angular, force) in enumerate(zip(run["gyroscope"], run["accelerometer"], strict=True)):
         level = np.cross(force / max(float(np.linalg.norm(force)), 1.0), turned.T @ up)
         turned = turned @ pin.exp3(dt * (angular + gains.tilt * level))
-        speed = speed + dt * (turned @ force - hp.simulation.GRAVITY * up)
+        speed = speed + dt * (turned @ force - hp.model.GRAVITY * up)
         place = place + dt * speed
         pin.forwardKinematics(
             model, data, np.append(origin, q[k, 7:]), np.append(np.zeros(6), v[k, 6:])

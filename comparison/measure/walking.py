@@ -171,7 +171,7 @@ class StateSequence:
 
 def standing_ground(robot: Robot, friction: float) -> Ground:
     """Ground into which the feet of a robot that stands sink by 1 mm."""
-    weight = robot.mass * hp.simulation.GRAVITY
+    weight = robot.mass * hp.model.GRAVITY
     return Ground(mu_s=friction, stiffness=weight / (len(robot.feet) * 1e-3))
 
 

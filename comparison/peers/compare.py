@@ -74,7 +74,7 @@ def _describe(case: Case, problem: PeerProblem) -> dict[str, Any]:
     slack = problem.settings["mu"] * expected.force[..., 2] - np.abs(expected.force[..., :2]).max(
         axis=-1
     )
-    load = expected.force[counts][..., 2].sum(axis=1) / (robot.mass * hp.simulation.GRAVITY)
+    load = expected.force[counts][..., 2].sum(axis=1) / (robot.mass * hp.model.GRAVITY)
     return {
         "joints": len(robot.joints),
         "contact_points": len(robot.feet),

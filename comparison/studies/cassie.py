@@ -23,7 +23,7 @@ from comparison.studies.worlds import random_walk
 from comparison.study import Job, Study, View, fell, median, most
 from comparison.worlds.walk import followed
 from harpy_pin.errors import InputError
-from harpy_pin.model.mjcf_rods import GRAVITY
+from harpy_pin.model.state import GRAVITY
 from harpy_pin.simulation.mujoco.conventions import import_mujoco
 
 FEET = ("left-foot", "right-foot")

@@ -63,7 +63,7 @@ def _admissible(job: Job) -> dict[str, Any]:
     """Largest violation of cones and ranges, as a share of 1 N + the force, and how solves end."""
     case, rng = CASES[job["case"]](), np.random.default_rng([job["seed"], *map(ord, job["case"])])
     solver, worst, outside, ends = case.solver, 0.0, 0, [0, 0, 0, 0]
-    share = case.robot.mass * hp.simulation.GRAVITY / len(case.robot.feet)
+    share = case.robot.mass * hp.model.GRAVITY / len(case.robot.feet)
     for _ in range(job["states"]):
         spread, size = 10.0 ** rng.uniform(-2.0, 0.0), 10.0 ** rng.uniform(-1.0, 2.0)
         state = case.draw(rng, spread=spread, size=size)

@@ -121,7 +121,7 @@ def _candidates(robot: hp.Robot, length: int) -> dict[str, _Lap]:
     }
     command = hp.Command(np.zeros(len(robot.joints)), np.zeros((len(robot.thrusters), 3)), **hold)
     ground = hp.Ground(
-        mu_s=0.8, stiffness=robot.mass * hp.simulation.GRAVITY / (DEPTH * len(robot.feet))
+        mu_s=0.8, stiffness=robot.mass * hp.model.GRAVITY / (DEPTH * len(robot.feet))
     )
     tau, speed = np.zeros(model.nv), 0.1 * np.ones(model.nv)
 

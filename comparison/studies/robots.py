@@ -147,7 +147,7 @@ def friction_used(run: hp.Run, robot: hp.Robot) -> float:
     """Largest horizontal over normal force of a foot, all its corners together, in stance."""
     starts = np.cumsum((0, *robot.corners))[:-1]
     force = np.add.reduceat(run["foot_force"], starts, axis=1)
-    loaded = force[..., 2] > LOADED * robot.mass * hp.simulation.GRAVITY
+    loaded = force[..., 2] > LOADED * robot.mass * hp.model.GRAVITY
     ratio = np.linalg.norm(force[..., :2], axis=-1)[loaded] / force[..., 2][loaded]
     return float(ratio.max(initial=0.0))
 

@@ -28,8 +28,8 @@ from harpy_pin import (
 from harpy_pin.contrib.drift import off
 from harpy_pin.errors import ControlError
 from harpy_pin.estimation import Estimator, Imu
+from harpy_pin.model import GRAVITY
 from harpy_pin.model.state import Vector
-from harpy_pin.simulation import GRAVITY
 from harpy_pin.simulation.mujoco.conventions import import_mujoco
 from harpy_pin.simulation.sensing import Sensing
 from harpy_pin.simulation.sensors import Sensors

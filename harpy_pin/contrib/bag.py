@@ -19,9 +19,8 @@ from harpy_pin.estimation.imu import Imu
 from harpy_pin.estimation.readings import Readings
 from harpy_pin.log.run import Run, describe_versions
 from harpy_pin.model.robot import Robot
-from harpy_pin.model.state import Vector
+from harpy_pin.model.state import GRAVITY, Vector
 
-GRAVITY = 9.81
 SLOW = 0.5
 """Steps of the time that no log in seconds has, s."""
 UNEVEN = 0.2

@@ -6,13 +6,12 @@ import numpy as np
 
 from harpy_pin import checks
 from harpy_pin.arguments import checked
-from harpy_pin.gaits.fitting import GRAVITY
 from harpy_pin.gaits.gait import Gait
 from harpy_pin.gaits.on_terrain import OnTerrain
 from harpy_pin.gaits.walking.walking_gait import WalkingGait
 from harpy_pin.ground.terrain import Plane
 from harpy_pin.model.entry import as_state
-from harpy_pin.model.state import State, Vector
+from harpy_pin.model.state import GRAVITY, State, Vector
 
 KEPT = 2
 """Places where it touched the ground that are kept of each foot."""

@@ -27,11 +27,10 @@ from scipy.linalg import expm
 from harpy_pin import checks
 from harpy_pin.arguments import checked
 from harpy_pin.errors import InputError
-from harpy_pin.gaits.fitting import GRAVITY
 from harpy_pin.model.entry import as_state
 from harpy_pin.model.memory import KeepsViews
 from harpy_pin.model.robot import Robot
-from harpy_pin.model.state import Command, State, Vector
+from harpy_pin.model.state import GRAVITY, Command, State, Vector
 from harpy_pin.simulation.loop import Controller
 from harpy_pin.simulation.thrusters import MAX_LAG, Thrusters
 

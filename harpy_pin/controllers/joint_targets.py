@@ -53,11 +53,9 @@ from harpy_pin.model.entry import FADE, GOOD, HOLD_TICKS
 from harpy_pin.model.posed import free_inertia
 from harpy_pin.model.record import ZERO, RecordOf, Records, fields, make_record, sized
 from harpy_pin.model.robot import Robot
-from harpy_pin.model.state import Vector
+from harpy_pin.model.state import GRAVITY, Vector
 from harpy_pin.wbc.condensed.solve import TORQUE_CLIPPED
 
-GRAVITY = 9.81
-"""m/s²."""
 MAX_RATE = 500.0
 """Largest ratio of a joint's damping to its inertia where all other joints are free, 1/s."""
 

@@ -17,9 +17,9 @@ from harpy_pin.controllers.parameters import (
     changed,
 )
 from harpy_pin.errors import InputError
-from harpy_pin.gaits.fitting import GRAVITY
 from harpy_pin.gaits.gait import Gait
 from harpy_pin.model.robot import Robot
+from harpy_pin.model.state import GRAVITY
 from harpy_pin.simulation import mujoco
 from harpy_pin.wbc import WholeBodyWeights
 

@@ -25,10 +25,9 @@ from harpy_pin.model.legs import legs
 from harpy_pin.model.memory import KeepsViews, fixed_arrays
 from harpy_pin.model.record import Records, field, make_record
 from harpy_pin.model.robot import Robot, configuration
-from harpy_pin.model.state import State, Vector
+from harpy_pin.model.state import GRAVITY, State, Vector
 from harpy_pin.model.terms import read_thrusts
 
-GRAVITY = 9.81
 POINT_RATE, SOLE_RATE = 300.0, 150.0
 """Of the momentum observer, 1/s."""
 ESTIMATED = ("q", "v", "foot_position", "foot_velocity", "foot_force")

@@ -22,9 +22,8 @@ from harpy_pin.gaits.walking import WalkingGait
 from harpy_pin.ground.ground import Ground
 from harpy_pin.kernels.compiler import EXACT, SHARED, compiler, run_compiler, work_folder
 from harpy_pin.model.robot import Robot
-from harpy_pin.model.state import Command, State
+from harpy_pin.model.state import GRAVITY, Command, State
 from harpy_pin.scenario import Disturbances, Governed, Scenario, Walk, build
-from harpy_pin.simulation.plant import GRAVITY
 from harpy_pin.simulation.push import Push
 from harpy_pin.simulation.sensing import EstimatedState, Sensing
 

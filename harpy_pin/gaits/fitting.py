@@ -19,10 +19,8 @@ from harpy_pin import checks
 from harpy_pin.model.legs import legs
 from harpy_pin.model.posed import Posed
 from harpy_pin.model.robot import Robot
-from harpy_pin.model.state import Vector
+from harpy_pin.model.state import GRAVITY, Vector
 
-GRAVITY = 9.81
-"""m/s²."""
 GAINS: Mapping[str, Any] = {
     "body": (25.0, 10.0),
     "orientation": (400.0, 40.0),

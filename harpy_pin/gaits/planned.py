@@ -21,7 +21,7 @@ from numpy.typing import ArrayLike
 from harpy_pin import checks
 from harpy_pin.arguments import checked
 from harpy_pin.errors import InputError
-from harpy_pin.gaits.fitting import GRAVITY, leg_length
+from harpy_pin.gaits.fitting import leg_length
 from harpy_pin.gaits.gait import Gait, GaitTarget, Unobserved
 from harpy_pin.gaits.plan import Plan, PlannedMoment
 from harpy_pin.gaits.swing import on_its_way
@@ -30,7 +30,7 @@ from harpy_pin.ground.terrain import Plane
 from harpy_pin.model.entry import all_possible, all_possible_rows, as_state, is_unit
 from harpy_pin.model.posed import Posed
 from harpy_pin.model.robot import Robot
-from harpy_pin.model.state import State, Vector
+from harpy_pin.model.state import GRAVITY, State, Vector
 
 SHORTEST = 0.05
 """Time that a foot needs at least for a swing, s: with less left it stays on the ground."""

@@ -28,7 +28,7 @@ from harpy_pin.kernels import kernel
 from harpy_pin.model.catalogue import HARPY_FEET, HARPY_THRUSTERS
 from harpy_pin.model.record import RecordOf, Records, make_record
 from harpy_pin.model.robot import Robot
-from harpy_pin.model.state import Vector
+from harpy_pin.model.state import GRAVITY, Vector
 
 CONES = ("circular", "per_axis")
 MAX_STIFFNESS = 1e9
@@ -41,8 +41,6 @@ _STIFFNESS, _DAMPING = 8000.0, 268.3
 """Stiffness and damping of the paper's ground, N/m and N·s/m: a damping ratio of 0.71 under 4.5
 kg.
 """
-GRAVITY = 9.81
-"""m/s²."""
 DEPTH, WALKING_DEPTH = 0.005, 0.002
 """How deep a robot at rest is in its ground, and how deep one point is that bears a walking robot
 alone, m.

@@ -9,10 +9,8 @@ import numpy as np
 from harpy_pin.log import optional
 from harpy_pin.log.power import PRESETS
 from harpy_pin.log.run import Run
-from harpy_pin.model.state import Vector
+from harpy_pin.model.state import GRAVITY, Vector
 
-GRAVITY = 9.81
-"""m/s²."""
 HEAVIEST, LONGEST = 1e9, 1e9
 """Largest mass of a robot, kg, and longest window, rows."""
 SHORTEST = 0.1

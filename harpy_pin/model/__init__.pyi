@@ -6,10 +6,11 @@ from .ik import IKResult, IKStatus, solve_ik
 from .kinematics import LegGeometry, leg_inverse_kinematics
 from .loading import KnownRobot, harpy_urdf, load_harpy, load_robot, robots
 from .robot import Robot
-from .state import Command, State, Vector
+from .state import GRAVITY, Command, State, Vector
 
 __all__ = [
     "CATALOGUE",
+    "GRAVITY",
     "CatalogueRobot",
     "Command",
     "Dynamics",

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from harpy_pin.errors import InputError
 from harpy_pin.model.mjcf_loops import connected, driven_joints, import_mujoco, joint_name
 from harpy_pin.model.mjcf_options import enabled_actuators
-from harpy_pin.model.state import Vector
+from harpy_pin.model.state import GRAVITY, Vector
 
 FREE, BALL, SLIDE, HINGE = range(4)  # ``mujoco.mjtJoint``
 SECOND = "_2"
@@ -30,8 +30,6 @@ in its length.
 """
 SHORT = 1e-3
 """Least length of a rod, m."""
-GRAVITY = 9.81
-"""m/s²."""
 
 
 def held_springs(model: Any, joints: NDArray[np.int64]) -> NDArray[np.int64]:

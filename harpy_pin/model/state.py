@@ -15,6 +15,8 @@ from harpy_pin.model.memory import KeepsViews, fixed_arrays
 
 Vector = NDArray[np.float64]
 """float64 array; the shape is given where it is used."""
+GRAVITY = 9.81
+"""m/s² (equations.md §3)."""
 
 
 @dataclass(slots=True)

@@ -5,14 +5,13 @@ from .implicit_contact import contact_step
 from .loop import Controller
 from .own_loop import Recorder
 from .pinocchio_plant import PinocchioPlant
-from .plant import GRAVITY, Plant
+from .plant import Plant
 from .push import Push
 from .sensors import Noise, Sensors
 from .simulator import Simulator
 from .thrusters import Thrusters
 
 __all__ = [
-    "GRAVITY",
     "Actuators",
     "Controller",
     "Noise",

@@ -33,10 +33,9 @@ from harpy_pin.arguments import checked
 from harpy_pin.errors import InputError
 from harpy_pin.ground.ground import Ground, local_friction, local_stiffness
 from harpy_pin.model.robot import Robot
-from harpy_pin.model.state import Vector
+from harpy_pin.model.state import GRAVITY, Vector
 from harpy_pin.simulation.actuators import Actuators
 from harpy_pin.simulation.joint_ends import hold_at_ends, joint_ends_record
-from harpy_pin.simulation.plant import GRAVITY
 from harpy_pin.simulation.stepped_plant import SteppedPlant, tangent_planes
 
 STICTION_TOLERANCE = 1e-3

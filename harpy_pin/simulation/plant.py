@@ -31,7 +31,7 @@ from harpy_pin.model.entry import all_finite, as_array, as_command
 from harpy_pin.model.memory import KeepsViews, fixed_arrays
 from harpy_pin.model.record import Records, field
 from harpy_pin.model.robot import Robot, configuration
-from harpy_pin.model.state import Command, State, Vector
+from harpy_pin.model.state import GRAVITY, Command, State, Vector
 from harpy_pin.model.terms import write_thrusts
 from harpy_pin.simulation.actuators import Actuators, motors_of, take_law
 from harpy_pin.simulation.loop import ClosedLoop, Controller, RunLog, run_metadata
@@ -43,9 +43,6 @@ from harpy_pin.simulation.thrusters import settle_thrusters
 if TYPE_CHECKING:
     from harpy_pin.simulation.sensing import EstimatedState
     from harpy_pin.simulation.ticks import CompiledLoop
-
-GRAVITY = 9.81
-"""Standard magnitude used throughout, m/s² (equations.md §3)."""
 
 
 @runtime_checkable

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 import harpy_pin as hp
 from harpy_pin.contrib.flight.airway import SWIFT, Balance, Fall, Quintic, lacking_wrenches, rest
 from harpy_pin.contrib.flight.flyer import Flyer
-from harpy_pin.gaits.fitting import GRAVITY
+from harpy_pin.model.state import GRAVITY
 
 
 @given(

@@ -83,7 +83,7 @@ def test_import_is_light():
 
 
 @pytest.mark.parametrize(
-    "used, most",
+    ("used", "most"),
     [
         ("hp.CondensedController", 63),
         ("hp.view.write_html, hp.measure", 44),

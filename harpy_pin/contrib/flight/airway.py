@@ -24,11 +24,10 @@ import pinocchio as pin
 from scipy.linalg import solve_continuous_are
 
 from harpy_pin.errors import InputError
-from harpy_pin.gaits.fitting import GRAVITY
 from harpy_pin.gaits.gait import GaitTarget
 from harpy_pin.model.dynamics import Dynamics
 from harpy_pin.model.robot import Robot
-from harpy_pin.model.state import Vector
+from harpy_pin.model.state import GRAVITY, Vector
 
 SWIFT = 10.0 / sqrt(3.0)
 """Largest acceleration of a quintic from rest to rest over one metre in one second, m/s²."""

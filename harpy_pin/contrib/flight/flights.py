@@ -17,8 +17,7 @@ from harpy_pin import checks
 from harpy_pin.contrib.flight.airway import SWIFT, Airway, Fall, Quintic, rest
 from harpy_pin.contrib.flight.flyer import ABOVE, BEND, LEGS, TOUCHDOWN, Flyer
 from harpy_pin.errors import InputError
-from harpy_pin.gaits.fitting import GRAVITY
-from harpy_pin.model.state import Vector
+from harpy_pin.model.state import GRAVITY, Vector
 from harpy_pin.scenario.parts import Part, read_part
 
 CROUCH, RELEASE = 0.22, 0.14

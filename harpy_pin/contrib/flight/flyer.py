@@ -9,10 +9,9 @@ import pinocchio as pin
 
 from harpy_pin.contrib.flight.airway import Balance, Quintic, lacking_moments
 from harpy_pin.errors import InputError
-from harpy_pin.gaits.fitting import GRAVITY
 from harpy_pin.model.dynamics import Dynamics
 from harpy_pin.model.robot import Robot
-from harpy_pin.model.state import Vector
+from harpy_pin.model.state import GRAVITY, Vector
 
 REACH = 0.25  # how much longer than in standing the legs are in the air, in heights of the body
 LEGS = 0.3  # time after lift-off from which on legs are so, s

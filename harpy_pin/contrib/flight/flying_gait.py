@@ -34,13 +34,12 @@ from harpy_pin.contrib.flight.flights import (
 from harpy_pin.contrib.flight.flyer import LED, Flyer
 from harpy_pin.contrib.flight.standing_feet import LandedGait, StandingFeet
 from harpy_pin.errors import InputError
-from harpy_pin.gaits.fitting import GRAVITY
 from harpy_pin.gaits.gait import LONGEST, Gait, GaitTarget, own_target, refuse_time
 from harpy_pin.gaits.on_terrain import OnTerrain
 from harpy_pin.ground.terrain import Plane, Terrain
 from harpy_pin.model.entry import as_state
 from harpy_pin.model.robot import Robot
-from harpy_pin.model.state import State, Vector
+from harpy_pin.model.state import GRAVITY, State, Vector
 from harpy_pin.scenario.gait_parts import GAIT_PARTS, Commanded, GaitPart, read_rows
 
 PHASES = ("stand", "bend", "push", "unload", "air", "land", "gait")

@@ -8,11 +8,10 @@ from typing import Any
 import numpy as np
 
 from harpy_pin.contrib.flight.flyer import TOUCHDOWN
-from harpy_pin.gaits.fitting import GRAVITY
 from harpy_pin.gaits.gait import Gait, GaitTarget
 from harpy_pin.ground.terrain import Terrain
 from harpy_pin.model.robot import Robot
-from harpy_pin.model.state import State, Vector
+from harpy_pin.model.state import GRAVITY, State, Vector
 
 LOADED, MIN_LOADED = 0.1, 3.5
 """Normal force from which on a foot has landed, as a share of the weight, and least, N: seven times

@@ -62,10 +62,9 @@ from harpy_pin.model.loading import load_harpy
 from harpy_pin.model.memory import KeepsViews, fixed_arrays
 from harpy_pin.model.record import Records, make_record
 from harpy_pin.model.robot import heavier
-from harpy_pin.model.state import State, Vector
+from harpy_pin.model.state import GRAVITY, State, Vector
 from harpy_pin.model.terms import update_terms
 from harpy_pin.scenario import Compliant, Scenario, Straight
-from harpy_pin.simulation.plant import GRAVITY
 from harpy_pin.simulation.push import push_forces
 from harpy_pin.simulation.simulator import Simulator
 from harpy_pin.simulation.step import StepRecord, physics_steps, upright

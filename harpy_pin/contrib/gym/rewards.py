@@ -28,8 +28,7 @@ import numpy as np
 from harpy_pin import checks
 from harpy_pin.errors import InputError, shown
 from harpy_pin.model.robot import Robot
-from harpy_pin.model.state import Command, State, Vector
-from harpy_pin.simulation.plant import GRAVITY
+from harpy_pin.model.state import GRAVITY, Command, State, Vector
 
 WIDTH = 0.25  # widths of the rewards of velocity and turning, m/s and rad/s
 RISE = 0.1  # unit of the height, m

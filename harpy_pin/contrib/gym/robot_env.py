@@ -47,10 +47,9 @@ from harpy_pin.gaits.walking.walking_gait import WalkingGait
 from harpy_pin.ground.ground import Ground
 from harpy_pin.model.robot import Robot, heavier
 from harpy_pin.model.source import loaded_robot
-from harpy_pin.model.state import Command, State, Vector
+from harpy_pin.model.state import GRAVITY, Command, State, Vector
 from harpy_pin.scenario import Governed, Scenario
 from harpy_pin.scenario import Walking as WalkingPart
-from harpy_pin.simulation.plant import GRAVITY
 from harpy_pin.simulation.sensing import EstimatedState, estimated_state
 from harpy_pin.simulation.sensors import ESTIMATED, Sensors
 

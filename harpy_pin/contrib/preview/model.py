@@ -10,9 +10,8 @@ and velocities at the ends of the intervals are exact sums of them.
 import numpy as np
 import pinocchio as pin
 
-from harpy_pin.gaits.fitting import GRAVITY
 from harpy_pin.model.robot import Robot
-from harpy_pin.model.state import State, Vector
+from harpy_pin.model.state import GRAVITY, State, Vector
 
 
 class SingleBody:

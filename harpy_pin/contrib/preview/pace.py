@@ -14,12 +14,11 @@ import numpy as np
 import pinocchio as pin
 
 from harpy_pin.errors import InputError
-from harpy_pin.gaits.fitting import GRAVITY
 from harpy_pin.gaits.planned import DESCENT, EARLY, RISE
 from harpy_pin.gaits.swing import on_its_way
 from harpy_pin.model.legs import legs
 from harpy_pin.model.robot import Robot
-from harpy_pin.model.state import Vector
+from harpy_pin.model.state import GRAVITY, Vector
 
 STANCE, SWING, SWEEP = 1.05, 0.96, 0.85
 """Usual durations of a stance and a swing, in √(leg / g), and way of a stance, in lengths of the

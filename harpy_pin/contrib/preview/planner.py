@@ -15,7 +15,6 @@ from harpy_pin.contrib.preview.pace import FASTEST, MOST, SPEEDS, Pace, Stride
 from harpy_pin.contrib.preview.program import force_program, solved
 from harpy_pin.contrib.preview.schedule import Horizon, horizon
 from harpy_pin.errors import InputError
-from harpy_pin.gaits.fitting import GRAVITY
 from harpy_pin.gaits.plan import Plan
 from harpy_pin.gaits.standing import Standing
 from harpy_pin.gaits.velocity import Velocity, read_velocity
@@ -25,7 +24,7 @@ from harpy_pin.gaits.walking.schedules import groups_of
 from harpy_pin.model.entry import as_state
 from harpy_pin.model.legs import legs
 from harpy_pin.model.robot import Robot
-from harpy_pin.model.state import State, Vector
+from harpy_pin.model.state import GRAVITY, State, Vector
 
 INTERVALS, LONGEST = 12, 0.135
 """How many intervals the horizon is long, and the length of one at most, in √(leg / g)."""

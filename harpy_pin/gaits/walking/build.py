@@ -6,13 +6,12 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from harpy_pin.gaits.fitting import GRAVITY
 from harpy_pin.gaits.walking.parameters import WalkingParameters
 from harpy_pin.gaits.walking.rolling import soles_of
 from harpy_pin.model.legs import legs
 from harpy_pin.model.posed import Posed
 from harpy_pin.model.robot import Robot
-from harpy_pin.model.state import Vector
+from harpy_pin.model.state import GRAVITY, Vector
 
 
 @dataclass(frozen=True)

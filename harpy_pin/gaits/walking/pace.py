@@ -7,7 +7,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from harpy_pin.errors import InputError
-from harpy_pin.gaits.fitting import GRAVITY
 from harpy_pin.gaits.velocity import largest, warn_maker
 from harpy_pin.gaits.walking.build import Build
 from harpy_pin.gaits.walking.parameters import WalkingParameters
@@ -15,7 +14,7 @@ from harpy_pin.gaits.walking.pendulum import upright_share
 from harpy_pin.gaits.walking.schedules import draw_together
 from harpy_pin.gaits.walking.swing_load import holding_load, swing_load
 from harpy_pin.model.robot import Robot
-from harpy_pin.model.state import Vector
+from harpy_pin.model.state import GRAVITY, Vector
 
 SLOW = 0.1
 """Share of its usual velocity below which a robot is said to be slow."""

@@ -9,7 +9,6 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from harpy_pin.gaits.fitting import GRAVITY
 from harpy_pin.gaits.velocity import VelocityRecord
 from harpy_pin.gaits.walking.build import Build
 from harpy_pin.gaits.walking.pace import Pace
@@ -18,7 +17,7 @@ from harpy_pin.gaits.walking.schedules import draw_together
 from harpy_pin.ground.surface import TerrainRecord, flat_terrain
 from harpy_pin.model.record import ZERO, RecordOf, Records, make_record, sized
 from harpy_pin.model.robot import Robot
-from harpy_pin.model.state import Vector
+from harpy_pin.model.state import GRAVITY, Vector
 from harpy_pin.model.tree import TreeRecord, tree_record
 
 

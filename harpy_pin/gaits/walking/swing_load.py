@@ -7,14 +7,13 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from harpy_pin.errors import InputError
-from harpy_pin.gaits.fitting import GRAVITY
 from harpy_pin.gaits.swing import toward
 from harpy_pin.gaits.velocity import largest
 from harpy_pin.gaits.walking.build import Build
 from harpy_pin.model.legs import legs
 from harpy_pin.model.posed import Posed
 from harpy_pin.model.robot import Robot
-from harpy_pin.model.state import Vector
+from harpy_pin.model.state import GRAVITY, Vector
 
 SAMPLES = 30
 """Samples of a swing."""

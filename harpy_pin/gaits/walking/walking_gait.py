@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from harpy_pin import checks
 from harpy_pin.arguments import checked
 from harpy_pin.errors import InputError
-from harpy_pin.gaits.fitting import GRAVITY, fitting_parameters
+from harpy_pin.gaits.fitting import fitting_parameters
 from harpy_pin.gaits.gait import GaitTarget, Unobserved
 from harpy_pin.gaits.standing import Standing
 from harpy_pin.gaits.velocity import FollowsVelocity, Velocity, warn_maker
@@ -33,7 +33,7 @@ from harpy_pin.model.legs import legs
 from harpy_pin.model.memory import fixed_arrays
 from harpy_pin.model.record import Records, field
 from harpy_pin.model.robot import SOLE_JOINTS, Robot
-from harpy_pin.model.state import State, Vector
+from harpy_pin.model.state import GRAVITY, State, Vector
 
 
 @fixed_arrays("applied", "command", "record")

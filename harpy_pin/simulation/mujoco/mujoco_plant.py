@@ -32,12 +32,11 @@ from harpy_pin.arguments import checked
 from harpy_pin.errors import InputError
 from harpy_pin.ground.ground import Ground
 from harpy_pin.model.robot import Robot
-from harpy_pin.model.state import Vector
+from harpy_pin.model.state import GRAVITY, Vector
 from harpy_pin.simulation.actuators import Actuators
 from harpy_pin.simulation.mujoco.conventions import from_mujoco
 from harpy_pin.simulation.mujoco.mujoco_model import MujocoModel
 from harpy_pin.simulation.mujoco.soft_contact import SoftContact, write_contact
-from harpy_pin.simulation.plant import GRAVITY
 from harpy_pin.simulation.stepped_plant import SteppedPlant, tangent_planes
 
 FOOT_RADIUS = 1e-4  # radius of the spheres that find the contacts, m
