@@ -23,8 +23,11 @@ class Roles(griffe.Extension):
             def link(match: re.Match[str]) -> str:
                 short, name = match[1], match[2]
                 shown = name.rpartition(".")[2] if short else name.removeprefix("harpy_pin.")
+                first, *members = name.split(".")
                 try:
-                    path = name if name.startswith("harpy_pin") else obj.resolve(name)
+                    path = (
+                        name if first == "harpy_pin" else ".".join([obj.resolve(first), *members])
+                    )
                 except griffe.NameResolutionError:
                     path = f"{obj.path}.{name}"
                 return f'<autoref identifier="{path}" optional>`{shown}`</autoref>'

@@ -78,13 +78,16 @@ class InputError(HarpyError, ValueError):
         message = f"unknown {kind} {shown(value)}; valid names: {', '.join(known)}"
         if hint:
             return cls(f"{message}; {hint}", name=kind, value=value)
+        by_lower = {name.lower(): name for name in known}
         near = (
-            get_close_matches(value[:MAX_NAME].lower(), known, n=1, cutoff=0.6)
+            get_close_matches(value[:MAX_NAME].lower(), by_lower, n=1, cutoff=0.6)
             if isinstance(value, str)
             else []
         )
         return cls(
-            f"{message}; did you mean '{near[0]}'?" if near else message, name=kind, value=value
+            f"{message}; did you mean '{by_lower[near[0]]}'?" if near else message,
+            name=kind,
+            value=value,
         )
 
 

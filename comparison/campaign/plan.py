@@ -195,7 +195,7 @@ KINDS: dict[str, dict[str, Any]] = {
 
 In the wide one everything varies, ground, engine and speed as well, from a seed of its own. Its
 levels keep apart from those that settings are known to have been chosen on, but for the default
-ground and walks without any error or push (docs/simulation.md). With 210 scenarios every level of
+ground and walks without any error or push. With 210 scenarios every level of
 every factor is drawn equally often. The same scenarios are walked by every tuned variant with
 published and with found settings. The harsh one varies the motors and has MuJoCo's default contact,
 too, from its own seed: torques are clipped to the same limits for all, and what it adds is as usual

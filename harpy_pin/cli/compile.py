@@ -9,6 +9,7 @@ import os
 import shlex
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
+from shlex import quote
 from time import perf_counter
 from typing import TYPE_CHECKING, Annotated
 
@@ -95,7 +96,9 @@ def compile_ahead(
         f"in {folder}",
         soft_wrap=True,
     )
-    say_next(f"harpy walk --robot {(robots or [HARPY])[0]}")
+    given = {"feet": feet, "flat-feet": flat_feet, "loops": loops, "posture": posture}
+    said = (f"--{name}={quote(text)}" for name, text in given.items() if text is not None)
+    say_next(" ".join(["harpy walk --robot", quote((robots or [HARPY])[0]), *said]))
 
 
 def _count(libraries: int) -> str:

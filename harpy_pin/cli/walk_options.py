@@ -5,6 +5,7 @@ there is.
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from fnmatch import fnmatchcase
 from pathlib import Path
@@ -20,6 +21,8 @@ if TYPE_CHECKING:
     from harpy_pin.model.robot import Robot
     from harpy_pin.scenario import Scenario
 
+PYTHON = {"True": True, "False": False, "None": None}
+"""Words of Python that JSON writes otherwise."""
 LEG_OF_SOLE = 6
 """Joints of a leg that can hold a sole level."""
 ENDLESS = 13.0
@@ -245,22 +248,21 @@ def read_settings(texts: Sequence[str]) -> dict[str, Any]:
                 name="set",
                 value=text,
             )
-        settings[name] = _read_value(value)
+        settings[name] = value if name == "state" else _read_value(value)  # "true" is a name
     return settings
 
 
 def _read_value(text: str) -> Any:
-    """A value as JSON has it, ``null`` for nothing; text that is no JSON is a name, such as the
-    governor ``none``.
-    """
-    if text in ("True", "False"):
-        return text == "True"
-    for form in (text, f"[{text}]") if "," in text else (text,):
+    """A value as JSON or Python write it; other text is a name, such as the governor ``none``."""
+    if text in PYTHON:
+        return PYTHON[text]
+    listed = re.sub(r",?\)", "]", text.replace("(", "["))
+    for form in (listed, f"[{listed}]") if "," in text else (listed,):
         try:
             return json.loads(form)
         except (ValueError, RecursionError):
             continue
-    return text
+    return float(text) if re.fullmatch(r"[-+]?\.\d+", text) else text
 
 
 def _speed(robot: str | Robot, gait: Any, speed: float) -> Mapping[str, Any]:

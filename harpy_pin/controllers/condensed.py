@@ -101,12 +101,13 @@ class CondensedController(TaskController):
     def _rebuild(self) -> None:
         """See :meth:`GaitController._rebuild`."""
         super()._rebuild()
-        optimum: Stages = find_optimum, take_optimum, write_thrust
+        optimum: Stages = find_optimum, take_optimum
+        command: Stages = (*self._kernels_of("after_optimum"), write_thrust)
         if around := [around_optimum(part) for part in self._kernels_of("around_optimum")]:
             *before, after = around
             pairs = (stage for part in before for stage in (part, find_optimum))
-            optimum = *pairs, after, take_optimum
-        stages = *self._before(), *optimum, *self._kernels_of("after_optimum")
+            optimum, command = (*pairs, after, take_optimum), command[:-1]
+        stages = *self._before(), *optimum, *command
         self._step = tick_of((take_sample,), stages, self._closing())
 
     def _tell(self, status: int, state: State) -> None:

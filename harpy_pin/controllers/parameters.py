@@ -73,7 +73,7 @@ class FeedforwardGains:
 
     In swing a gain acts on the inertia of a leg, in stance on a part of the body's, so each phase
     has its own. They were chosen among 48 sets on walks at friction 0.5 and 0.3 with 2 and 3 ms of
-    delay (docs/delay.md).
+    delay.
 
     Attributes:
         stance_p: stiffness in stance, N·m/rad.

@@ -154,7 +154,8 @@ class TaskController(GaitController):
             if stage.name in parts:
                 message = f"'{stage.name}' is a name that the controller's record has"
                 raise InputError(message, name="stages", value=stage)
-            parts[stage.name] = stage._record
+            if stage.memory:
+                parts[stage.name] = stage._record
         record: Any = make_record(None, **parts)
         self.dynamics = Dynamics(robot, record=record["dynamics"])
         self.targets = WholeBodyTargets(robot, record=record["targets"])
@@ -181,4 +182,5 @@ class TaskController(GaitController):
         super().reset()
         self._record_["inputs"] = 0
         for stage in self._stages:
-            self._record_[stage.name] = stage._record
+            if stage.memory:
+                self._record_[stage.name] = stage._record

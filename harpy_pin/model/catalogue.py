@@ -17,7 +17,7 @@ Humanoids stand on flat feet, rectangles inside the soles of their collision geo
   50 mm, and 170 mm lie between front and rear.
 - iCub: the bottom of the foot's mesh reaches from x = −0.029 to 0.127 m and y = ±0.030 m of the
   sole's frame; its corners are cut off. (Its mesh files are drawn with y up, which has to be
-  undone: ``view/scene/robot_nodes.py``.)
+  undone: ``view/scene/visuals.py``.)
 """
 
 from __future__ import annotations

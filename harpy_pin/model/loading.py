@@ -9,6 +9,7 @@ import warnings
 from collections.abc import Mapping, Sequence
 from copy import deepcopy
 from dataclasses import dataclass
+from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
@@ -119,7 +120,7 @@ def load_robot(
     path = None if compiled else known.path() if listed else checks.path("urdf", urdf)
     where = "the MuJoCo model" if path is None else shown(str(path), 300)
     label = str(known_name(urdf)) if listed else ""
-    told = {
+    told: dict[str, Any] = {
         "feet": feet,
         "flat_feet": flat_feet,
         "rotors": rotors,
@@ -143,6 +144,8 @@ def load_robot(
     axes = [checks.instance("a rotor", rotor, Rotor).frame for rotor in rotors]
     mounts = (*thrusters, *checks.names("frames of rotors", axes))
     read = _read(urdf, path, (*feet, *mounts))
+    if path is not None and not listed:
+        told["sha256"] = sha256(path.read_bytes()).hexdigest()
     model, angles, closing = read.model, read.posture, None
     if listed:
         known.add_frames(model)

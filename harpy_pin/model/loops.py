@@ -212,7 +212,7 @@ def find_loops(
     if not passive:
         raise RobotError(
             f"the loops of '{model.name}' move no joint: each needs joints without a motor, "
-            "whose effort is 0"
+            "whose effort is 0, or which have no actuator"
         )
     left = _search(model, loops, q)
     residual, slope = residual_of(model, ties, q)

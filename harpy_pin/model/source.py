@@ -22,7 +22,7 @@ from harpy_pin.model.loading import load_harpy, load_robot
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.rotor import Rotor
 
-ENTRIES = {"file", "model", *signature(load_robot).parameters} - {"urdf"}
+ENTRIES = {"file", "model", "sha256", *signature(load_robot).parameters} - {"urdf"}
 CHANGED = ("armature", "damping", "upperDryFrictionLimit", "effortLimit")
 """Arrays of the model that methods of :class:`Robot` change."""
 
@@ -43,7 +43,7 @@ def read_robot(source: Mapping[str, Any]) -> Robot:
     """The robot of a :attr:`Robot.source`, also as :func:`plain_source` writes it.
 
     It has ``file``, a path or a name, other arguments of :func:`load_robot`, and ``model``, arrays
-    that are changed.
+    that are changed. ``sha256`` is that of the file: if it is another one, a warning says so.
     """
     for name in source:
         checks.one_of("entry of the robot", name, ENTRIES)
@@ -53,6 +53,7 @@ def read_robot(source: Mapping[str, Any]) -> Robot:
         )
     given = plain_source(source)
     arrays = checks.mapping("model", given.pop("model", {}))
+    written = given.pop("sha256", None)
     try:
         if given.get("flat_feet") is not None:
             feet = checks.mapping("flat_feet", given["flat_feet"])
@@ -65,6 +66,8 @@ def read_robot(source: Mapping[str, Any]) -> Robot:
         raise InputError(
             f"this describes no robot: {reason(error)}", name="robot", value=source
         ) from error
+    if written not in (None, robot.source.get("sha256")):
+        warnings.warn(f"'{source['file']}' was another file when it was written down", stacklevel=3)
     for name, values in arrays.items():
         checks.one_of("array of the robot's model", name, CHANGED)
         array = _infinite(checks.array(f"{name} of the robot", values, robot.model.nv))

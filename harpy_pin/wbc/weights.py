@@ -215,15 +215,6 @@ class WholeBodyTargets(KeepsViews):
         """Whether feet are expressed in the frames of their contacts."""
         return bool(self._record_["tilted"][0])
 
-    @checked
-    def to_world(self, force: Vector) -> Vector:
-        """Contact forces in world axes, as controllers tell them.
-
-        Args:
-            force: (feet, 3) in the frames of the contacts, N.
-        """
-        return np.einsum("kij,kj->ki", self.frame, force) if self.tilted else force
-
 
 def check_terms(robot: Robot, dynamics: Dynamics, targets: WholeBodyTargets) -> None:
     """Refuse terms or targets of a robot of another size: kernels would go past their arrays.

@@ -80,6 +80,28 @@ def test_a_scenario_of_it_is_written_down_and_walked_again(dog, tmp_path):
         assert hp.Scenario(robot=known).robot == name
 
 
+def test_a_file_that_has_changed_is_said(dog):
+    robot = hp.load_robot(dog, feet=FEET)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        read_robot(robot.source)
+    dog.write_text(dog.read_text().replace('mass value="', 'mass value="1', 1))
+    with pytest.warns(UserWarning, match=r"dog\.urdf' was another file when it was written down"):
+        assert read_robot(robot.source).mass > robot.mass
+
+
+def test_a_nanometre_changes_no_gait(dog):
+    before = hp.WalkingGait(hp.load_robot(dog, feet=FEET))
+    root = ET.parse(dog).getroot()
+    origin = root.find("joint[@name='FL_hip_joint']/origin")
+    x, y, z = origin.get("xyz").split()
+    origin.set("xyz", f"{float(x) + 1e-9} {y} {z}")
+    ET.ElementTree(root).write(dog)
+    after = hp.WalkingGait(hp.load_robot(dog, feet=FEET))
+    assert after.double_support == before.double_support
+    assert after.max_speed == pytest.approx(before.max_speed, rel=0.01)
+
+
 def test_what_a_scenario_cannot_write_down(dog):
     robot = hp.load_robot(dog, feet=FEET)
     with pytest.raises(

@@ -10,6 +10,7 @@ import pytest
 from command_lines import commands, run_line, stop_before_work
 
 import harpy_pin as hp
+from harpy_pin.cli.walk_options import read_settings
 
 HUGE = "9" * 40
 VALUES = (
@@ -133,6 +134,19 @@ def test_numbers_are_accepted_or_refused_by_name(run, option):
         assert err.startswith("error: " if command[0] == "comparison" else f"{command[0]}: "), err
         words = SAYS.get(option, (name.lstrip("-"),))
         assert any(word in err.replace("_", "-") for word in words), (value, err)
+
+
+def test_a_value_may_be_written_as_it_is_printed():
+    texts = ("a=(1.0, 20.0)", "b=((0.0, 0.3),)", "c=.5", "d=None", "e=True", "state=true")
+    found = read_settings(texts)
+    assert found == {
+        "a": [1.0, 20.0],
+        "b": [[0.0, 0.3]],
+        "c": 0.5,
+        "d": None,
+        "e": True,
+        "state": "true",
+    }
 
 
 SETTINGS = {

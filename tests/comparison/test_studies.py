@@ -64,10 +64,12 @@ TINY: dict[str, dict[str, Any]] = {
     "thrusters": {"lags": (0.1,), "duration": 0.2},
     "walking": {"course": 1.0, "duration": 2.0},
     "rates": {"size": 16, "rounds": 1},
+    "senses": {"course": 3.0},
+    "slip": {"frictions": (0.2,), "duration": 0.3},
 }
-"""Settings of a look, with even less; the policy and the microcontrollers have tests of their
-own.
-"""
+"""Settings of a look, with even less."""
+ELSEWHERE = {"cassie", "causes", "embedded", "identification", "recorded", "worlds"}
+"""Studies with tests of their own."""
 OF_ROBOTS = ("crossings", "optima", "pushes", "robots", "slopes", "speed", "walking")
 _found: dict[str, Rows] = {}
 
@@ -83,6 +85,10 @@ def tables_of(name: str, rows: Rows | None = None) -> dict[str, Table]:
     return {
         table.name: table for table in STUDIES[name].tables(rows_of(name) if rows is None else rows)
     }
+
+
+def test_every_study_is_looked_at():
+    assert STUDIES.keys() == TINY.keys() | ELSEWHERE
 
 
 @pytest.mark.parametrize(

@@ -261,4 +261,19 @@ def test_stages_that_exclude_each_other():
     with pytest.raises(hp.InputError, match="one stage around the optimum"):
         with_stage("condensed", {"thrust_lag": 0.1}, around)
     with pytest.raises(hp.InputError, match="own"):
-        with_stage("condensed", {}, Stage(name="own"), Stage(name="own"))
+        with_stage("condensed", {}, *(Stage(name="own", memory={"n": 0}) for _ in range(2)))
+
+
+@kernel
+def let_go(r, target, q, v, foot_force):
+    r.inputs[:] = 0.0
+
+
+@pytest.mark.parametrize("name", ["condensed", "wbc"])
+def test_after_the_optimum_thrusts_and_torques_can_be_changed(name):
+    """By a stage that remembers nothing."""
+    stage, state = Stage(name="own", after_optimum=(let_go,)), standing()
+    assert with_stage(name, {}).step(state).torque.any()
+    command = with_stage(name, {}, stage).step(state)
+    np.testing.assert_array_equal(command.torque, 0.0)
+    np.testing.assert_array_equal(command.thrust, 0.0)

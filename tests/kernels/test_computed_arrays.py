@@ -266,11 +266,6 @@ def product_in_place(a, b):
     product_into(a, b, a)
 
 
-@kernel
-def rows_in_place(a, b):
-    product_into(a, b[:3], b[3:])
-
-
 @kernel(a=(3, 4))
 def unequal(a):
     a[:] = a[:, 0] + a

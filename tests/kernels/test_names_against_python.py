@@ -2,6 +2,8 @@
 every bit.
 """
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -10,6 +12,8 @@ from needs import needs_compiler
 from oracle import REALS, four, same
 
 from harpy_pin.kernels import kernel
+from harpy_pin.kernels.numbers import MATHEMATICS
+from harpy_pin.kernels.unit import RESERVED
 
 pytestmark = needs_compiler
 N = 3
@@ -280,3 +284,10 @@ def c_names(a):
 
 def test_names_that_c_has_already():
     same(c_names, four())
+
+
+def test_functions_of_c_are_reserved():
+    """No variable of generated code hides one, and its page lists them."""
+    assert {*MATHEMATICS.values()} <= RESERVED
+    page = (Path(__file__).parents[2] / "docs" / "kernels.md").read_text()
+    assert all(f"`{function.__name__}`" in page for function in MATHEMATICS)

@@ -300,5 +300,7 @@ def test_typing_errors_get_a_suggestion(said, meant):
     with pytest.raises(hp.InputError) as caught:
         hp.Scenario(robot="xyzzyx")
     assert "did you mean" not in str(caught.value)
+    with pytest.raises(hp.InputError, match="did you mean 'FL_rod_end'"):
+        raise hp.InputError.unknown("frame", "FL_rod_ed", ("RR_rod_end", "FL_rod_end"))
     with pytest.raises(hp.InputError, match="did you mean 'condensed'"):
         hp.Scenario(controller="condenced")

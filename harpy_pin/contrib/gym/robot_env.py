@@ -144,7 +144,6 @@ class RobotEnv(gymnasium.Env[Numbers, Numbers]):
         self._last_action = np.zeros(size)
         self._command = Command(np.zeros(joints), np.zeros((len(self.robot.thrusters), 3)))
         self._tick = 0
-        self._seed = 0
 
     @property
     def state(self) -> State:

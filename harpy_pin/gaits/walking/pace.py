@@ -1,7 +1,7 @@
 """How long the steps of a walk last, and how fast it goes, by the inverse dynamics of its legs."""
 
 from dataclasses import dataclass
-from math import inf
+from math import inf, isinf
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +20,8 @@ SLOW = 0.1
 """Share of its usual velocity below which a robot is said to be slow."""
 SLOWEST = 1e-6
 """Speed below which steps are not shortened, m/s."""
+SAME = 1e-3
+"""Difference of two distances between feet that does not count, m."""
 HALVINGS = 7
 """How often the range of speeds is halved."""
 PEAK = 15.6
@@ -96,11 +98,16 @@ def pace_of(
         if swung == 0.0:
             holding = f"hold it in mid-step, which takes {held:.2g} times their torques"
             why = holding if held > 1.0 else "swing its legs"
-            raise InputError(
+            message = (
                 f"at no speed can the motors of '{robot.name}' {why}: give a max_speed, or "
-                f"larger efforts",
-                name="max_speed",
+                f"larger efforts"
             )
+            if held <= 1.0 and isinf(load(0.0)):
+                message = (
+                    f"the linkages of '{robot.name}' do not let its feet swing {clearance:.2g} m "
+                    f"high: give a lower clearance, or another posture"
+                )
+            raise InputError(message, name="max_speed")
         if swung < most:
             most, limited_by = swung, "the torques of its motors"
     shortest = shortened(most)
@@ -125,7 +132,7 @@ def _one_behind_the_other(build: Build, group: NDArray[np.int64]) -> bool:
     """
     first, second = (build.place[group == g, :2].mean(axis=0) for g in range(2))
     ahead, aside = np.abs(second - first)
-    return bool(ahead > aside)
+    return bool(ahead > aside + SAME)
 
 
 def _reach(build: Build, group: NDArray[np.int64], w: WalkingParameters) -> float:
