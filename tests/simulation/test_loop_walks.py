@@ -173,7 +173,7 @@ def test_the_c_of_a_walk_has_the_librarys_digits(tmp_path, name):
 
 
 @needs_compiler
-@pytest.mark.parametrize("name", [*NAMES, "sprung"])
+@pytest.mark.parametrize("name", NAMES)
 def test_the_c_of_a_walk_in_single_precision_is_close(name):
     """Loops are closed to what floats have."""
     one = hp.make_controller(
