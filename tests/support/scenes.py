@@ -417,7 +417,7 @@ def linkages() -> None:
     ]
     for robot in made:
         gait = hp.WalkingGait(robot)
-        scenario = hp.Scenario(controller="condensed", state="estimated", duration=0.004)
+        scenario = hp.Scenario(controller="condensed", state="estimated", duration=0.002)
         hp.walk(scenario, gait=gait)
         task = hp.wbc.FrameTask(robot.feet[0], part="position")
         controller = hp.make_controller("condensed", hp.WalkingGait(robot), mu=0.5)

@@ -233,7 +233,7 @@ class FrameTask(MotionTask):
     ) -> None:
         checks.one_of("part", part, PARTS)
         checks.one_of("axes", axes, AXES)
-        if root is not None and root == frame:
+        if isinstance(frame, str) and isinstance(root, str) and root == frame:
             raise InputError(
                 f"the root must be another frame than '{frame}'", name="root", value=root
             )
