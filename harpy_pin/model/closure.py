@@ -21,7 +21,14 @@ import pinocchio as pin
 
 from harpy_pin.errors import InputError
 from harpy_pin.kernels import ByPrecision, diagonal, kernel
-from harpy_pin.model.cholesky import factorise, mirror, solve_factor, solve_transposed, solve_vector
+from harpy_pin.model.cholesky import (
+    add_gram,
+    add_product,
+    factorise,
+    solve_factor,
+    solve_transposed,
+    solve_vector,
+)
 from harpy_pin.model.loops import JUMP, Loops
 from harpy_pin.model.placing import accelerated, place_body
 from harpy_pin.model.state import Vector
@@ -55,20 +62,18 @@ def close_loops(t: TreeRecord, q: Vector, v: Vector) -> None:
     here, passive = c.q[7 : 7 + driven], c.q[7 + driven :]
     given = q[7 : 7 + driven]
     c.q[:7], c.v[:6] = q[:7], v[:6]
-    for m in range(c.above.shape[0]):
-        place_body(t, q, c.above[m])
     far = np.max(abs(given - here))
     if c.closed == 0 or not far <= JUMP:
         c.q[7:] = c.start
         searches = 1 + int(min(np.max(abs(given - here)) / JUMP, FARTHEST))
         c.closed = _search(t)
     c.move[:] = (given - here) / searches
-    for _ in range(searches):
-        here += c.move
+    for left in range(searches - 1, -1, -1):
+        here[:] = given - left * c.move
         passive += c.spread[driven:] @ c.move
         c.closed = _search(t)
-    here[:] = given
-    c.v[6:] = c.spread @ v[6 : 6 + driven]
+    c.v[6 : 6 + driven] = v[6 : 6 + driven]
+    c.v[6 + driven :] = c.spread[driven:] @ v[6 : 6 + driven]
     for m in range(c.beyond.shape[0]):
         place_body(t, c.q, c.beyond[m])
     for i in range(1, t.parent.shape[0]):
@@ -82,19 +87,23 @@ def _search(t: TreeRecord) -> int:
     """
     c = t.loops
     driven = c.move.shape[0]
+    for m in range(c.above.shape[0]):
+        place_body(t, c.q, c.above[m])
     for _ in range(SEARCHES):
         for m in range(c.moved.shape[0]):
             place_body(t, c.q, c.moved[m])
         _equations(t)
-        c.normal[:] = c.slope[:, driven:].T @ c.slope[:, driven:]
+        c.normal[:] = 0.0
+        c.step[:] = 0.0
+        add_gram(c.slope[:, driven:], c.residual, c.normal, c.step)
         factorise(c.normal, c.normal, MIN_PIVOT)
-        c.step[:] = c.slope[:, driven:].T @ c.residual
         solve_vector(c.normal, c.step)
         if np.max(abs(c.step)) < LAST_STEP:
             break
         c.q[7 + driven :] -= np.clip(c.step, -LARGEST_STEP, LARGEST_STEP)
     spread = c.spread[driven:]
-    spread[:] = -(c.slope[:, driven:].T @ c.slope[:, :driven])
+    spread[:] = 0.0
+    add_product(c.slope[:, driven:].T, -c.slope[:, :driven], spread)
     solve_transposed(c.normal, spread, driven)
     solve_factor(c.normal, spread, driven)
     if not np.max(abs(c.residual)) < LEFT:
@@ -108,7 +117,10 @@ def _equations(t: TreeRecord) -> None:
     c = t.loops
     c.reach[:] = 0.0
     for n in range(c.length.shape[0]):
-        first, length, apart = c.first_row[n], c.length[n], _apart(t, n)
+        for end in range(2):
+            i = c.body[n, end]
+            c.end[n, end] = t.position[i] + t.axes[i] @ c.offset[n, end]
+        first, length, apart = c.first_row[n], c.length[n], c.end[n, 0] - c.end[n, 1]
         _slopes(t, n, 0, 1.0, apart)
         _slopes(t, n, 1, -1.0, apart)
         if length == 0.0:
@@ -126,7 +138,7 @@ def _equations(t: TreeRecord) -> None:
 def _slopes(t: TreeRecord, n: int, end: int, sign: float, apart: Vector) -> None:
     """Derivative of the rows of loop n by the joints on the way to one of its ends."""
     c = t.loops
-    i, first, length, p = c.body[n, end], c.first_row[n], c.length[n], _end(t, n, end)
+    i, first, length, p = c.body[n, end], c.first_row[n], c.length[n], c.end[n, end]
     while i > c.top[n]:
         s, k = t.screw[i], t.column[i] - 6
         motion = sign * (s[:3] + np.cross(s[3:], p))
@@ -139,25 +151,10 @@ def _slopes(t: TreeRecord, n: int, end: int, sign: float, apart: Vector) -> None
 
 
 @kernel
-def _end(t: TreeRecord, n: int, end: int) -> Vector:
-    """One end of loop n, base axes, m."""
-    i = t.loops.body[n, end]
-    place: Vector = t.position[i] + t.axes[i] @ t.loops.offset[n, end]
-    return place
-
-
-@kernel
-def _apart(t: TreeRecord, n: int) -> Vector:
-    """From the second end of loop n to the first one, base axes, m."""
-    way: Vector = _end(t, n, 0) - _end(t, n, 1)
-    return way
-
-
-@kernel
 def _end_velocity(t: TreeRecord, n: int, end: int) -> Vector:
     """Velocity of one end of loop n, base axes."""
     u = t.twist[t.loops.body[n, end]]
-    velocity: Vector = u[:3] + np.cross(u[3:], _end(t, n, end))
+    velocity: Vector = u[:3] + np.cross(u[3:], t.loops.end[n, end])
     return velocity
 
 
@@ -167,24 +164,18 @@ def _end_drift(t: TreeRecord, n: int, end: int) -> Vector:
     i = t.loops.body[n, end]
     a, turning = t.drift[i], t.twist[i, 3:]
     drift: Vector = (
-        a[:3] + np.cross(a[3:], _end(t, n, end)) + np.cross(turning, _end_velocity(t, n, end))
+        a[:3] + np.cross(a[3:], t.loops.end[n, end]) + np.cross(turning, _end_velocity(t, n, end))
     )
     return drift
 
 
 @kernel
-def accelerate_loops(t: TreeRecord, acceleration: Vector) -> None:
-    """Acceleration of the tree at one (nv,) of base and driven joints, after the bodies are placed;
-    ``t.drift[0]`` is that of a base that does not accelerate.
+def accelerate_passive(t: TreeRecord) -> None:
+    """Accelerations of the passive joints where base and driven ones have none, into ``step``;
+    ``t.drift`` is that of the bodies where no joint accelerates.
     """
     c = t.loops
     driven = c.move.shape[0]
-    for m in range(c.above.shape[0]):
-        i = c.above[m]
-        t.drift[i] = accelerated(t, i, c.v[t.column[i]])
-    for m in range(c.moved.shape[0]):
-        i = c.moved[m]
-        t.drift[i] = accelerated(t, i, c.v[t.column[i]])
     c.residual[:] = 0.0
     for n in range(c.length.shape[0]):
         first, length = c.first_row[n], c.length[n]
@@ -193,12 +184,45 @@ def accelerate_loops(t: TreeRecord, acceleration: Vector) -> None:
             c.residual[first : first + 3] = drift
         else:
             moving = _end_velocity(t, n, 0) - _end_velocity(t, n, 1)
-            c.residual[first] = (_apart(t, n) @ drift + moving @ moving) / length
+            c.residual[first] = ((c.end[n, 0] - c.end[n, 1]) @ drift + moving @ moving) / length
     c.step[:] = -(c.slope[:, driven:].T @ c.residual)
     solve_vector(c.normal, c.step)
+
+
+@kernel
+def accelerate_loops(t: TreeRecord, acceleration: Vector) -> None:
+    """Acceleration of the tree at one (nv,) of base and driven joints, after the bodies are
+    placed.
+    """
+    c = t.loops
+    t.drift[0, :3], t.drift[0, 3:] = -(t.rotation.T @ t.gravity), 0.0
+    for m in range(c.above.shape[0]):
+        i = c.above[m]
+        t.drift[i] = accelerated(t, i, c.v[t.column[i]])
+    for m in range(c.moved.shape[0]):
+        i = c.moved[m]
+        t.drift[i] = accelerated(t, i, c.v[t.column[i]])
+    accelerate_passive(t)
     c.acceleration[:6] = acceleration[:6]
     c.acceleration[6:] = c.spread @ acceleration[6:]
-    c.acceleration[6 + driven :] += c.step
+    c.acceleration[acceleration.shape[0] :] += c.step
+
+
+@kernel
+def follow_loops(t: TreeRecord) -> None:
+    """Add what the accelerations of the passive joints do to the bias and the drift of the tree,
+    where base and driven joints have none.
+    """
+    c = t.loops
+    first = c.v.shape[0] - c.step.shape[0]
+    accelerate_passive(t)
+    c.bias += c.mass_matrix[:, first:] @ c.step
+    for i in range(1, t.parent.shape[0]):
+        k = i
+        while k > 0:
+            if t.column[k] >= first:
+                t.drift[i] += c.step[t.column[k] - first] * t.screw[k]
+            k = t.parent[k]
 
 
 @kernel
@@ -220,13 +244,14 @@ def reduce_mass(t: TreeRecord, out: Vector) -> None:
     nv = out.shape[0]
     m, spread = c.mass_matrix, c.spread[nv - 6 :]
     # With v_tree = [v; S v]: M + (M_p S)ᵀ + M_p S + Sᵀ M_pp S, of which half of the last is in each
-    c.side[:] = m[nv:, nv:] @ spread
-    c.side[:] = m[nv:, 6:nv] + 0.5 * c.side
+    c.side[:] = m[nv:, 6:nv]
+    add_product(m[nv:, nv:], 0.5 * spread, c.side)
+    c.cross[:] = 0.0
+    add_product(spread.T, c.side, c.cross)
     out[:] = m[:nv, :nv]
-    c.cross[:] = spread.T @ c.side
     out[6:, 6:] += c.cross + c.cross.T
+    out[:6, 6:] += m[:6, nv:] @ spread
     out[6:, :6] += spread.T @ m[nv:, :6]
-    mirror(out)
 
 
 @kernel

@@ -16,7 +16,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from harpy_pin.kernels import diagonal, kernel
-from harpy_pin.model.closure import accelerate_loops, close_loops, reduce_force, reduce_mass
+from harpy_pin.model.closure import (
+    accelerate_loops,
+    close_loops,
+    follow_loops,
+    reduce_force,
+    reduce_mass,
+)
 from harpy_pin.model.placing import accelerated, place_body
 from harpy_pin.model.state import Vector
 from harpy_pin.model.tree import UNBOUNDED, TreeRecord
@@ -66,9 +72,8 @@ def joint_space_terms(t: TreeRecord, v: Vector, mass_matrix: Vector, bias: Vecto
     t.drift[0, :3], t.drift[0, 3:] = -(t.rotation.T @ t.gravity), 0.0
     c = t.loops
     if c.start.shape[0] > 0:
-        bias[:] = 0.0
-        accelerate_loops(t, bias)
         _tree_terms(t, c.v, c.mass_matrix, c.bias)
+        follow_loops(t)
         reduce_mass(t, mass_matrix)
         reduce_force(t, bias)
     else:
@@ -77,15 +82,11 @@ def joint_space_terms(t: TreeRecord, v: Vector, mass_matrix: Vector, bias: Vecto
 
 @kernel
 def _tree_terms(t: TreeRecord, v: Vector, mass_matrix: Vector, bias: Vector) -> None:
-    """Mass matrix and bias forces of the tree; these are of joints that accelerate as their loops
-    have it.
-    """
+    """Mass matrix and bias forces of the tree."""
     bodies = t.parent.shape[0]
     for i in range(bodies):
         if i > 0:
             t.drift[i] = accelerated(t, i, v[t.column[i]])
-            if t.loops.start.shape[0] > 0:
-                t.drift[i] += t.loops.acceleration[t.column[i]] * t.screw[i]
         _weigh(t, i)
     for i in range(bodies - 1, 0, -1):
         _joint_terms(t, i, mass_matrix, bias)
@@ -104,7 +105,6 @@ def inverse_dynamics(t: TreeRecord, v: Vector, acceleration: Vector, out: Vector
     """
     c = t.loops
     if c.start.shape[0] > 0:
-        t.drift[0, :3], t.drift[0, 3:] = -(t.rotation.T @ t.gravity), 0.0
         accelerate_loops(t, acceleration)
         _tree_forces(t, c.v, c.acceleration, c.bias)
         reduce_force(t, out)

@@ -36,8 +36,8 @@ class LoopsRecord(RecordOf):
     coupling: NDArray[np.int64]  # (couplings, 2) joints, the one that follows and its leader
     ratio: Vector  # (couplings,)
     shift: Vector  # (couplings,) rad
-    above: NDArray[np.int64]  # bodies above all loops, parents first
-    moved: NDArray[np.int64]  # bodies on the ways round, and between them, parents first
+    above: NDArray[np.int64]  # bodies on the ways to loops that no passive joint moves
+    moved: NDArray[np.int64]  # the others on these ways, parents first
     beyond: NDArray[np.int64]  # all other bodies, parents first
     damping: Vector  # (passive,) of the passive joints, N·m·s/rad
     dry: Vector  # (passive,) their dry friction, N·m
@@ -46,6 +46,7 @@ class LoopsRecord(RecordOf):
     v: Vector = sized("tied + 6")  # its velocity
     acceleration: Vector = sized("tied + 6")  # its acceleration
     closed: int = ZERO  # whether the loops are closed at q, and not at a dead point
+    end: Vector = sized("loops", 2, 3)  # of each loop, base axes, m
     residual: Vector = sized("rows")  # of the equations, m or rad; then what is left to accelerate
     slope: Vector  # (rows, tied) its derivative
     reach: Vector = sized("tied")  # squares of how far a joint moves the ends of loops, m²
@@ -181,10 +182,10 @@ def _loops_record(
     if loops is not None:
         start[column[1:] - 6] = loops.angles
     ways = {j - 1 for both in above for one in both for j in one if j > 1}
-    around = {j for one, other in above for j in one ^ other}
-    around |= set() if loops is None else {*loops.passive}
-    inside = {j - 1 for j in range(model.njoints) if around & set(model.supports[j])}
+    follow = set() if loops is None else {*loops.passive}
+    inside = {j - 1 for j in range(model.njoints) if follow & set(model.supports[j])}
     sizes = {"driven": tied - passive, "passive": passive, "tied": tied, "rows": len(slope)}
+    sizes |= {"loops": len(closing)}
     return make_record(
         LoopsRecord,
         sizes | {"whole": tied + 6 if tied else 0},

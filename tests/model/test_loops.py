@@ -185,7 +185,7 @@ def test_inverse_dynamics_is_that_of_the_terms(name):
         np.testing.assert_allclose(out, expected, rtol=0, atol=1e-10 * np.abs(expected).max())
 
 
-@pytest.mark.parametrize("name", ["four_bar", "parallel_ankle", "harpy_built"])
+@pytest.mark.parametrize("name", ["four_bar", "parallel_ankle", "harpy_built", "sprung"])
 def test_energy_of_flight_stays(name):
     """Over five seconds in the plant, with springs at the joints that keep them off their ends."""
     robot = looped(name).with_joints(damping=0.0, armature=0.01)

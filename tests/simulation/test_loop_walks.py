@@ -153,9 +153,12 @@ def test_the_condensed_optimum_is_that_of_the_program(name, most):
 
 
 @needs_compiler
-def test_the_c_of_a_walk_has_the_librarys_digits(tmp_path):
+@pytest.mark.parametrize("name", ["harpy_built", "sprung"])
+def test_the_c_of_a_walk_has_the_librarys_digits(tmp_path, name):
+    """Of a point foot and a tilted fan, and of feet that are lines on legs with rods."""
+
     def made():
-        gait = hp.WalkingGait(looped("harpy_built"), velocity=(0.2, 0.0, 0.0))
+        gait = hp.WalkingGait(looped(name), velocity=(0.2, 0.0, 0.0))
         return hp.make_controller("condensed", gait, mu=0.5)
 
     scenario = hp.Scenario(ground=hp.Ground(mu_s=0.5), duration=0.5)

@@ -216,13 +216,16 @@ def across(folder: Path) -> hp.Robot:
 
 
 def rubbing(folder: Path, *, damping: float = 0.3, friction: float = 0.0) -> hp.Robot:
-    """The four-bar biped, whose joints without a motor have losses, N·m·s/rad and N·m."""
+    """The four-bar biped, whose joints without a motor have losses, N·m·s/rad and N·m, and
+    armature.
+    """
     robot = four_bar(folder)
     text = robot.urdf.read_text()
     told = 'damping="0" armature="0.0"'
     assert text.count(told) == 4
     path = folder / "rubbing.urdf"
-    path.write_text(text.replace(told, f'damping="{damping}" friction="{friction}"'))
+    losses = f'damping="{damping}" friction="{friction}" armature="0.01"'
+    path.write_text(text.replace(told, losses))
     given = {name: robot.source[name] for name in ("feet", "loops", "posture")}
     return hp.load_robot(path, **given)
 
