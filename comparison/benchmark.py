@@ -45,23 +45,21 @@ Progress = Callable[[str, int, int], None]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Settings:
+class Settings(checks.Checked):
     """What to compare, and how thoroughly."""
 
-    friction: float = FRICTION  # friction coefficient of the walks whose states are timed
-    duration: float = 6.0  # of a walk, s
-    seed: int = 0  # of the order in which candidates are timed
+    # friction coefficient of the walks whose states are timed
+    friction: float = checks.setting(FRICTION, low=0.0, high=checks.MAX_FRICTION)
+    duration: float = checks.setting(6.0, low=0.2)  # of a walk, s
+    seed: int = checks.setting(0, checks.whole)  # of the order in which candidates are timed
     # of the pushes during the walks on which every controller's tick is timed, N·s
-    impulse: float = 3.0
+    impulse: float = checks.setting(3.0, low=0.0)
     timing: TimingSettings = field(default_factory=TimingSettings)  # how to time
     campaign: CampaignSettings = field(default_factory=CampaignSettings)  # its walks
 
     def __post_init__(self) -> None:
-        checks.numbers(self, "friction", low=0.0, high=checks.MAX_FRICTION)
-        checks.ticks(checks.number("duration", self.duration, low=0.2), 1e-3)
-        checks.numbers(self, "seed", "impulse", low=0.0)
-        checks.number("repetitions", self.timing.repetitions, low=1.0)
-        checks.number("warm_up", self.timing.warm_up, low=1.0)
+        super().__post_init__()
+        checks.ticks(self.duration, 1e-3)
         checks.number("block", self.timing.block, low=self.timing.settle, strict=True)
 
     @classmethod

@@ -7,10 +7,10 @@ import math
 import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import field, fields
-from functools import partial
+from functools import cache, partial
 from os import PathLike
 from pathlib import Path
-from typing import Any, ClassVar, TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -21,6 +21,7 @@ _Kind = TypeVar("_Kind")
 
 MAX_TICKS = 10_000_000  # most ticks of a run, whose log is kept in memory
 MAX_FRICTION = 10.0  # coefficient of friction that no pair of materials comes near
+MAX_LAG = 1e3  # largest time constant of thrusts, s
 ORTHONORMAL = 1e-6  # largest error of R Rᵀ of a rotation
 
 
@@ -29,7 +30,7 @@ def number(
 ) -> float:
     """A finite number within [low, high] (``strict``: above ``low``), as a float."""
     try:
-        if isinstance(value, str | bytes):
+        if isinstance(value, (str, bytes)):
             raise TypeError
         result = float(value)
     except (TypeError, ValueError, OverflowError):
@@ -46,14 +47,6 @@ def number(
         desired = " and ".join(["finite", *bounds])
         raise InputError(f"{name} must be {desired}, got {result!r}", name=name, value=value)
     return result
-
-
-def numbers(
-    holder: Any, *names: str, low: float = -math.inf, high: float = math.inf, strict: bool = False
-) -> None:
-    """Attributes that must be numbers, see :func:`number`."""
-    for name in names:
-        number(name, getattr(holder, name), low=low, high=high, strict=strict)
 
 
 def keep(holder: Any, **values: Any) -> None:
@@ -75,22 +68,38 @@ def rule(check: Callable[..., Any] = number, *, called: str = "", **bounds: Any)
 
 
 def setting(default: Any, check: Callable[..., Any] = number, **how: Any) -> Any:
-    """A field with a default and a :func:`rule`; None as default allows None."""
+    """A field with a default, which is not checked, and a :func:`rule`; None as default allows
+    None.
+    """
     return field(default=default, metadata=rule(check, **how))
 
 
 class Checked:
     """Base of dataclasses whose fields are checked by their :func:`rule` as they are made."""
 
-    whose: ClassVar[str] = ""
+    whose = ""
     """What stands in front of the names of the fields in messages."""
 
     def __post_init__(self) -> None:
-        for entry in fields(self):  # type: ignore[arg-type]
-            value, check = getattr(self, entry.name), entry.metadata.get("check")
-            if check is not None and not (value is None and entry.default is None):
-                name = entry.metadata["called"] or f"{self.whose}{entry.name}"
-                keep(self, **{entry.name: check(name, value)})
+        for name, called, check, default in _rules(type(self)):  # type: ignore[arg-type]
+            value = getattr(self, name)
+            if value is not default:
+                object.__setattr__(self, name, check(called, value))
+
+
+@cache
+def _rules(kind: Any) -> tuple[tuple[str, str, Callable[..., Any], Any], ...]:
+    """Name of each field that is checked, what messages call it, its check, and its default."""
+    return tuple(
+        (
+            entry.name,
+            entry.metadata["called"] or f"{kind.whose}{entry.name}",
+            entry.metadata["check"],
+            entry.default,
+        )
+        for entry in fields(kind)
+        if "check" in entry.metadata
+    )
 
 
 def multiple(name: str, value: float, of: str, unit: float, *, low: int = 1) -> int:
@@ -265,6 +274,13 @@ def vector(name: str, value: ArrayLike, shape: int | tuple[int, ...]) -> NDArray
     return result
 
 
+def fixed_vector(name: str, value: ArrayLike, size: int = 3, **bounds: Any) -> tuple[float, ...]:
+    """A finite vector as a tuple, for settings that do not change; bounds are those of
+    :func:`number`.
+    """
+    return tuple(number(name, entry, **bounds) for entry in vector(name, value, size).tolist())
+
+
 def rotation(name: str, value: ArrayLike) -> NDArray[np.float64]:
     """A rotation matrix (3, 3), to 1e-6."""
     result = vector(name, value, (3, 3))
@@ -283,3 +299,12 @@ def gains(name: str, value: ArrayLike, size: int = 3) -> NDArray[np.float64]:
             f"{name} must not be negative, got {shown(result.tolist())}", name=name, value=value
         )
     return result
+
+
+def fixed_gains(
+    name: str, value: ArrayLike, size: int = 3, *, high: float = math.inf
+) -> float | tuple[float, ...]:
+    """Non-negative gains for settings that do not change: a tuple, or a scalar for all."""
+    if isinstance(value, int | float):
+        return number(name, value, low=0.0, high=high)
+    return fixed_vector(name, value, size, low=0.0, high=high)

@@ -44,24 +44,28 @@ PAPER_GAINS = CentreGains(k_pt=660.0, k_dt=60.0, k_pr=660.0, k_dr=60.0)
 
 
 @dataclass(frozen=True, kw_only=True)
-class VlipParameters:
+class VlipParameters(checks.Checked):
     """Settings of the VLIP run; defaults are the paper's, with equations.md §3 where it is
     silent.
     """
 
-    mass: float = 4.0  # m, kg, from 1e-3 to 1e6
-    mu: float = 0.45  # μ_s, at most 10
-    min_normal_force: float = 20.0  # N
-    min_angle: float = float(np.deg2rad(5.0))  # least leg angle of the reference, rad
-    g: float = 9.81  # magnitude of gravity, m/s²
-    dt: float = 1e-3  # control and integration step, s
+    mass: float = checks.setting(4.0, low=1e-3, high=1e6)  # m, kg, from 1e-3 to 1e6
+    # μ_s, at most 10
+    mu: float = checks.setting(0.45, low=0.0, high=checks.MAX_FRICTION, called="friction mu")
+    min_normal_force: float = checks.setting(20.0, low=0.0)  # N
+    # least leg angle of the reference, rad
+    min_angle: float = checks.setting(float(np.deg2rad(5.0)), low=0.0)
+    # magnitude of gravity, m/s²
+    g: float = checks.setting(9.81, low=0.0, strict=True)
+    # control and integration step, s
+    dt: float = checks.setting(1e-3, low=0.0, strict=True)
     duration: float = 4.0  # s
     # of the governed reference: polar (θ, φ, l), the paper's, or cartesian
-    coordinates: str = "polar"
+    coordinates: str = checks.setting("polar", checks.one_of, valid=COORDINATES)
     # paper starts at the target, which already violates friction (equations.md W2); inside starts
     # body and applied
     # reference at an angle of 0.3 rad, inside the friction cone
-    start: str = "paper"
+    start: str = checks.setting("paper", checks.one_of, valid=STARTS)
     gains: CentreGains = PAPER_GAINS  # of the thruster law
     # the thrust also compensates the part of gravity across the leg: the setting in which, with
     # K_pt = m k_pr and K_dt
@@ -69,15 +73,8 @@ class VlipParameters:
     gravity_compensation: bool = False
 
     def __post_init__(self) -> None:
-        checks.number("mass", self.mass, low=1e-3, high=1e6)
-        checks.number("friction mu", self.mu, low=0.0, high=checks.MAX_FRICTION)
-        checks.number("min_normal_force", self.min_normal_force, low=0.0)
-        checks.number("min_angle", self.min_angle, low=0.0)
-        checks.number("g", self.g, low=0.0, strict=True)
-        checks.number("dt", self.dt, low=0.0, strict=True)
+        super().__post_init__()
         checks.ticks(checks.number("duration", self.duration, low=self.dt), self.dt)
-        checks.one_of("coordinates", self.coordinates, COORDINATES)
-        checks.one_of("start", self.start, STARTS)
 
 
 @dataclass(frozen=True, eq=False)

@@ -109,7 +109,7 @@ def level_key(level: float | str) -> str:
 
 
 @dataclass(frozen=True, kw_only=True)
-class CampaignSettings:
+class CampaignSettings(checks.Checked):
     """How large the campaign is and what it varies.
 
     Each scenario draws one level of every factor, each level of a factor equally often; one that is
@@ -117,9 +117,10 @@ class CampaignSettings:
     What the levels are is said at :class:`~comparison.campaign.plan.Task`.
     """
 
-    walks: int = 420  # in total, rounded up to whole scenarios (each is walked by every contender)
-    duration: float = 5.0  # of a walk, s
-    seed: int = 0  # of the scenarios
+    # in total, rounded up to whole scenarios (each is walked by every contender)
+    walks: int = checks.setting(420, checks.whole, low=1, high=1_000_000)
+    duration: float = checks.setting(5.0, low=1.5)  # of a walk, s
+    seed: int = checks.setting(0, checks.whole)  # of the scenarios
     contenders: tuple[str, ...] = CONTENDERS  # who walks them, see :mod:`comparison.contenders`
     frictions: tuple[float, ...] = (0.15, 0.2, 0.25, 0.4, 0.6, 0.8)
     pushes: tuple[float, ...] = (0.0, 1.0, 2.0, 3.5, 5.0)
@@ -135,12 +136,12 @@ class CampaignSettings:
     joint_dampings: tuple[float, ...] = (JOINT_DAMPING,)
     torque_shares: tuple[float, ...] = (0.0,)
     bandwidths: tuple[float, ...] = (0.0,)
-    jitter: float = 0.01  # standard deviation of the walk's starting velocity along x and y, m/s
+    # standard deviation of the walk's starting velocity along x and y, m/s
+    jitter: float = checks.setting(0.01, low=0.0)
 
     def __post_init__(self) -> None:
-        checks.number("walks", self.walks, low=1.0, high=1e6)
-        checks.ticks(checks.number("duration", self.duration, low=1.5), 1e-3)
-        checks.number("seed", self.seed, low=0.0)
+        super().__post_init__()
+        checks.ticks(self.duration, 1e-3)
         for name in self.contenders:
             checks.one_of("contender", name, (*CONTENDERS, *TRUSTING, *TUNED))
         for name, factor in FACTORS.items():
@@ -152,7 +153,6 @@ class CampaignSettings:
                     checks.number(
                         name.replace("_", " "), value, low=least, high=_MOST, strict=strict
                     )
-        checks.number("jitter", self.jitter, low=0.0)
 
     @classmethod
     def of(cls, kind: str, **changes: Any) -> CampaignSettings:

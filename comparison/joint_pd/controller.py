@@ -23,6 +23,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
 from harpy_pin import Command, Robot, State, WalkingGait
+from harpy_pin.controllers.joint_targets import MAX_RATE
 from harpy_pin.controllers.tasks import share_of_load
 from harpy_pin.gaits.gait import GaitTargetRecord
 from harpy_pin.gaits.walking.record import WalkingRecord
@@ -41,10 +42,6 @@ GAINS_FILE = Path(__file__).with_name("gains.json")
 """What the search wrote: gains by robot, and what they came to."""
 DAMPING = 1e-4
 """Of the inverse kinematics, as a share of the squared length of a leg."""
-MAX_RATE = 500.0
-"""Largest ratio of a joint's damping to its inertia where all other joints are free, 1/s: light
-ones have smaller gains, as those of :mod:`harpy_pin.controllers.joint_targets`.
-"""
 LOWERING = 4.0
 """Rate at which the body goes down from the posture to the height of the walk, 1/s."""
 MOMENT = 0.1

@@ -16,7 +16,7 @@ from scipy.linalg import block_diag
 
 import harpy_pin as hp
 from harpy_pin.model.catalogue import CATALOGUE
-from harpy_pin.model.state import State, Vector
+from harpy_pin.model.state import GRAVITY, State, Vector
 from harpy_pin.wbc import MomentumTask, WholeBodyLimits
 from harpy_pin.wbc.condensed import WholeBodySolution, WholeBodySolver
 from harpy_pin.wbc.condensed.limits import COMPLIANCE
@@ -68,7 +68,7 @@ class Case:
         self.solver.held[:] = 1.0 if self.held is None else self.held
         if self.compliance:
             self.solver.record["contacts"]["compliance"] = self.compliance
-        share = self.robot.mass * 9.81 / max(len(self.robot.feet), 1)
+        share = self.robot.mass * GRAVITY / max(len(self.robot.feet), 1)
         self.solver.force_range[:] = 0.02 * share, 6.0 * share
         self.dynamics = hp.Dynamics(self.robot)
 
@@ -92,7 +92,7 @@ class Case:
             0.5 * size * rng.standard_normal(solver.contact_acceleration.shape)
         )
         feet = np.zeros((len(self.robot.feet), 3))
-        share = self.robot.mass * 9.81 / max(len(feet), 1)
+        share = self.robot.mass * GRAVITY / max(len(feet), 1)
         solver.reference_force[:] = 0.5 * size * share * rng.standard_normal(feet.shape)
         return hp.State(
             0.0,

@@ -19,6 +19,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from harpy_pin import checks
 from harpy_pin.log.run import describe_versions
 from harpy_pin.model.robot import Robot
 
@@ -27,14 +28,14 @@ Laps = NDArray[np.int64]
 
 
 @dataclass(frozen=True, kw_only=True)
-class TimingSettings:
+class TimingSettings(checks.Checked):
     """How to time."""
 
-    repetitions: int = 10  # of every pass
+    repetitions: int = checks.setting(10, checks.whole, low=1)  # of every pass
     # ticks at the start of each sequence that are replayed but not counted: the solver's cold start
     # and cold caches are
     # among them
-    warm_up: int = 50
+    warm_up: int = checks.setting(50, checks.whole, low=1)
     block: int = 500  # ticks per block
     # ticks at the start of each block that are not counted: the replays before have used the caches
     settle: int = 10

@@ -17,12 +17,11 @@ import numpy as np
 from comparison.studies.worlds import LASTING, SPEED, fast_walks, random_walk
 from comparison.study import Job, Rows, Study, View, grouped
 from comparison.worlds.models import FEET, JOINTS, PLAYGROUND, PROPERTIES, ROBOTS, world
-from comparison.worlds.walk import LAW, LAW_CONTACT_DAMPING, walked
+from comparison.worlds.walk import LAW, LAW_CONTACT_DAMPING, MOTOR_LAW, walked
 from harpy_pin import WalkingGait
 from harpy_pin.view.palette import SLIDING
 
 UNTOLD: dict[str, Any] = {"round": False}
-_LAW: dict[str, Any] = {"law": LAW, "contact_damping": LAW_CONTACT_DAMPING}
 CASES: dict[str, tuple[tuple[str, ...] | None, dict[str, Any]]] = {
     "nothing": ((), UNTOLD),
     **{name: ((name,), UNTOLD) for name in PROPERTIES},
@@ -35,14 +34,14 @@ CASES: dict[str, tuple[tuple[str, ...] | None, dict[str, Any]]] = {
     "and all joints": (None, {"known": list(JOINTS)}),
     "and contact damping 20": (None, {"contact_damping": LAW_CONTACT_DAMPING}),
     "and motor damping": (None, {"law": (0.0, LAW[1]), "contact_damping": LAW_CONTACT_DAMPING}),
-    "and motor law": (None, _LAW),
-    "motor law, armature": (None, {"known": ["armature"], **_LAW}),
-    "motor law, all joints": (None, {"known": list(JOINTS), **_LAW}),
+    "and motor law": (None, MOTOR_LAW),
+    "motor law, armature": (None, {"known": ["armature"], **MOTOR_LAW}),
+    "motor law, all joints": (None, {"known": list(JOINTS), **MOTOR_LAW}),
 }
 """What is kept of a model (None: all), and what the condensed WBC is given; by the name of the
 row.
 """
-_UNLEARNED: dict[str, Any] = {**_LAW, "learning": 0.0}
+_UNLEARNED: dict[str, Any] = {**MOTOR_LAW, "learning": 0.0}
 AT_SPEED: dict[str, tuple[tuple[str, ...] | None, dict[str, Any]]] = {
     "nothing learned": (None, _UNLEARNED),
     **{
@@ -51,7 +50,7 @@ AT_SPEED: dict[str, tuple[tuple[str, ...] | None, dict[str, Any]]] = {
     },
     "armature known": (None, {"known": ["armature"], **_UNLEARNED}),
     "four times as stiff": (None, {**_UNLEARNED, "law": tuple(4.0 * gain for gain in LAW)}),
-    "learned": (None, _LAW),
+    "learned": (None, MOTOR_LAW),
 }
 """The same with the motor law, for commands that last."""
 CAUSES = len(PROPERTIES) + 2

@@ -31,14 +31,13 @@ from comparison.worlds.hung import (
     replayed,
     typical,
 )
-from comparison.worlds.models import ROBOTS, knowing, world
+from comparison.worlds.models import JOINTS, ROBOTS, knowing, world
 from comparison.worlds.walk import LAW, LAW_CONTACT_DAMPING, Contender, Walker, followed
 from harpy_pin import MujocoBridge, Robot
 from harpy_pin.contrib.identify import Excitation, Joints, excitation, identify
 from harpy_pin.simulation.mujoco.conventions import import_mujoco
 
-POSITIVE = ("armature", "damping", "friction")
-NUMBERS = (*POSITIVE, "torque_scale")
+NUMBERS = (*JOINTS, "torque_scale")
 DRY = (2e-3, 1.0)
 """Time constant of MuJoCo's dry friction where a robot walks, s, and its damping: with ten times as
 slow a one, MuJoCo's, friction turns round 10 ms before the velocity does.
@@ -76,7 +75,7 @@ def _walked(job: Job) -> dict[str, Any]:
     model, robot = world(job["world"])
     truth = hidden(robot, np.random.default_rng([job["seed"], job["number"], 1]), np.zeros(12))
     column = MujocoBridge(model, robot).velocity
-    for name, array in zip(POSITIVE, ("armature", "damping", "frictionloss"), strict=True):
+    for name, array in zip(JOINTS, ("armature", "damping", "frictionloss"), strict=True):
         getattr(model, f"dof_{array}")[column] = getattr(truth, name)
     model.opt.timestep, model.dof_solref[:] = STEP, DRY
     mujoco = import_mujoco()
@@ -133,14 +132,14 @@ def _searched(
     middle, told = typical(file), {name: getattr(truth, name) for name in ("bias", "torque_scale")}
 
     def joints(x: Any) -> Hidden:
-        *factors, late = np.asarray(x).reshape(len(POSITIVE) + 1, -1)
+        *factors, late = np.asarray(x).reshape(len(JOINTS) + 1, -1)
         found = {
             name: middle[name] * np.exp(SPREAD[0] * factor)
-            for name, factor in zip(POSITIVE, factors, strict=True)
+            for name, factor in zip(JOINTS, factors, strict=True)
         }
         return Hidden(**found, **told, delay=np.clip(0.5 * LATEST + SPREAD[1] * late, 0.0, LATEST))
 
-    size = (len(POSITIVE) + 1) * len(file.joints)
+    size = (len(JOINTS) + 1) * len(file.joints)
     search = cma.CMAEvolutionStrategy(np.zeros(size), 1.0, {"verbose": -9, "seed": 1})
     row, trials = dict[str, Any](), 0
     for times in TIMES:
@@ -151,7 +150,7 @@ def _searched(
             search.tell(asked, list(np.nan_to_num(costs, nan=1e3)))
             trials += len(asked)
         best = joints(search.result.xfavorite)
-        for name in POSITIVE:
+        for name in JOINTS:
             error = 100.0 * np.abs(getattr(best, name) / getattr(truth, name) - 1.0)
             known = error[found.excited[name]]
             row[f"{name}_after_{times}"] = float(np.median(known)) if len(known) else None
@@ -221,8 +220,8 @@ STUDY = Study(
             "The same from walks on the estimate alone, of all numbers that are told",
             row="{world}",
             columns={
-                **{name: (most(name), "%") for name in POSITIVE},
-                **{f"{name}s told": _excited(name) for name in POSITIVE},
+                **{name: (most(name), "%") for name in JOINTS},
+                **{f"{name}s told": _excited(name) for name in JOINTS},
                 "time": (most("time_s"), "s"),
             },
             note="Of all joints and logs.",
@@ -233,12 +232,12 @@ STUDY = Study(
             "Beside CMA-ES: median errors, and replays",
             row="{world}",
             columns={
-                **{name: (shown(f"{name}_median"), "%") for name in POSITIVE},
+                **{name: (shown(f"{name}_median"), "%") for name in JOINTS},
                 "time": (shown("time_s"), "s"),
                 **{
                     f"CMA-ES after {times} times, {name}": (shown(f"{name}_after_{times}"), "%")
                     for times in TIMES
-                    for name in POSITIVE
+                    for name in JOINTS
                 },
                 **{
                     f"replays after {times} times": shown(f"trials_after_{times}")

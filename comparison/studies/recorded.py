@@ -20,7 +20,7 @@ from comparison.study import Job, Shown, Study, View, shown
 from harpy_pin.contrib.drift import off
 from harpy_pin.errors import HarpyError, InputError, install_line
 from harpy_pin.estimation import EstimatorSettings
-from harpy_pin.model.state import Vector
+from harpy_pin.model.state import GRAVITY, Vector
 
 SOURCES = ("Contact-Aided-Invariant-EKF", "cassie_description")
 """Repositories of UMich-BipedLab on GitHub, BSD-3-Clause. Nothing of theirs is part of this one."""
@@ -148,7 +148,7 @@ def estimate_log(
     q, v = _truth(robot, log, imu, angles, speeds)
     estimator = hp.Estimator(robot, imu, period=PERIOD, settings=settings)
     estimator.reset(q[BEGIN], v[BEGIN])
-    torque, weight = np.zeros(len(robot.joints)), 9.81 * robot.mass
+    torque, weight = np.zeros(len(robot.joints)), GRAVITY * robot.mass
     guess, speed = [], []
     for k in range(BEGIN, len(q)):
         gyroscope = log["gyroscope"][k] + NOISE[0] * rng.standard_normal(3)

@@ -130,24 +130,29 @@ _NOTE = (
 )
 
 
+COUNT: dict[str, Any] = {"low": 1, "high": 1_000_000}
+"""How many walks or settings there may be."""
+
+
 @dataclass(frozen=True, kw_only=True)
-class TuneSettings:
+class TuneSettings(checks.Checked):
     """How much is searched."""
 
-    budget: int = 150  # settings that each variant gets, the published ones among them
-    train: int = 30  # walks of each setting
-    judge: int = 60  # walks of the published and of the best settings, apart from those
-    duration: float = 5.0  # of a walk, s
-    joint_damping: float = JOINT_DAMPING  # of every joint, N·m·s/rad, known to the controllers
-    seed: int = 0  # of the proposals
+    # settings that each variant gets, the published ones among them
+    budget: int = checks.setting(150, checks.whole, **COUNT)
+    train: int = checks.setting(30, checks.whole, **COUNT)  # walks of each setting
+    # walks of the published and of the best settings, apart from those
+    judge: int = checks.setting(60, checks.whole, **COUNT)
+    duration: float = checks.setting(5.0, low=1.5)  # of a walk, s
+    # of every joint, N·m·s/rad, known to the controllers
+    joint_damping: float = checks.setting(JOINT_DAMPING, low=0.0, high=1e6, called="joint damping")
+    seed: int = checks.setting(0, checks.whole)  # of the proposals
     # who is tuned, see :data:`comparison.contenders.VARIANTS`, in their order there
     variants: tuple[str, ...] = tuple(VARIANTS)
 
     def __post_init__(self) -> None:
-        checks.numbers(self, "budget", "train", "judge", low=1.0, high=1e6)
-        checks.ticks(checks.number("duration", self.duration, low=1.5), 1e-3)
-        checks.number("joint damping", self.joint_damping, low=0.0, high=1e6)
-        checks.number("seed", self.seed, low=0.0)
+        super().__post_init__()
+        checks.ticks(self.duration, 1e-3)
         for name in self.variants:
             checks.one_of("variant", name, VARIANTS)
         object.__setattr__(

@@ -91,7 +91,7 @@ class Contender:
     sensed: bool = False
 
 
-_LAW: dict[str, Any] = {"law": LAW, "contact_damping": LAW_CONTACT_DAMPING}
+MOTOR_LAW: dict[str, Any] = {"law": LAW, "contact_damping": LAW_CONTACT_DAMPING}
 POLICY, STANDS = "policy", "stands"
 WALKERS = {
     "joint PD": Contender(controller="joint_pd"),
@@ -99,12 +99,12 @@ WALKERS = {
     "torque alone": Contender(),
     "joints known": Contender(known=JOINTS),
     "joints identified": Contender(known=JOINTS, identified=True),
-    "motor law": Contender(**_LAW),
-    "motor law, joints known": Contender(known=JOINTS, **_LAW),
+    "motor law": Contender(**MOTOR_LAW),
+    "motor law, joints known": Contender(known=JOINTS, **MOTOR_LAW),
     "QP, torque alone": Contender(controller="wbc"),
-    "QP, motor law": Contender(controller="wbc", **_LAW),
+    "QP, motor law": Contender(controller="wbc", **MOTOR_LAW),
     POLICY: Contender(controller="policy"),
-    STANDS: Contender(controller="stand", known=JOINTS, **_LAW),
+    STANDS: Contender(controller="stand", known=JOINTS, **MOTOR_LAW),
 }
 """By name; those without another one are the condensed WBC, and ``QP`` is the whole-body QP by own
 search.

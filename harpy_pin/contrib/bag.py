@@ -20,13 +20,12 @@ from harpy_pin.estimation.readings import Readings
 from harpy_pin.log.run import Run, describe_versions
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import GRAVITY, Vector
+from harpy_pin.model.urdf import TURNS
 
 SLOW = 0.5
 """Steps of the time that no log in seconds has, s."""
 UNEVEN = 0.2
 """Share of the period by which a step is off that is said."""
-TURNS = 4.0 * np.pi
-"""Angle that no joint of a leg has, rad."""
 BEGIN = 100
 """Samples whose mean acceleration is compared with gravity at the start."""
 KINDS = ("JointState", "Imu", "Odometry", "LowState", "LowCmd")

@@ -38,11 +38,9 @@ from harpy_pin.model.dynamics import DynamicsRecord
 from harpy_pin.model.record import ZERO, RecordOf, Records, fields, make_record, sized
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
-from harpy_pin.simulation.thrusters import turn
+from harpy_pin.simulation.thrusters import NO_THRUST, turn
 from harpy_pin.wbc.weights import thrust_box
 
-SMALL = 1e-9
-"""Thrust without a direction, N."""
 LEAST = 1e-6
 """Least magnitude of a command, which keeps its direction, N."""
 FOLLOWED = 0.01
@@ -174,7 +172,7 @@ def _lead_direction(
     It is on the great circle through both, at most :data:`FARTHEST` from the thrust's.
     """
     old = rotation @ r.direction[k]
-    if size <= SMALL:
+    if size <= NO_THRUST:
         command[:] = old
         return
     command /= size

@@ -32,7 +32,7 @@ from harpy_pin.model.memory import KeepsViews
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import GRAVITY, Command, State, Vector
 from harpy_pin.simulation.loop import Controller
-from harpy_pin.simulation.thrusters import MAX_LAG, Thrusters
+from harpy_pin.simulation.thrusters import Thrusters
 
 AIRBORNE = 0.05
 """Measured contact force below which the robot is in the air, as a share of the weight."""
@@ -53,7 +53,7 @@ class SecondOrderThrusters(Thrusters):
         InputError: a value out of its domain.
     """
 
-    lag: float = checks.setting(0.1, low=0.0, high=MAX_LAG, strict=True)
+    lag: float = checks.setting(0.1, low=0.0, high=checks.MAX_LAG, strict=True)
     damping_ratio: float = checks.setting(1.0, low=0.05, high=20.0)
 
     def _response(self, dt: float) -> tuple[Vector, Vector]:

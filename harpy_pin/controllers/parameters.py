@@ -22,10 +22,10 @@ feedforward torques. Another one than the PID is in a module that is imported wh
 
 MAX_GAIN = 1e6
 """Largest gain, 1/s² and 1/s."""
+PAIR: dict[str, Any] = {"check": checks.fixed_gains, "size": 2, "high": MAX_GAIN}
+"""What (k_p, k_d) may be."""
 MAX_FORCE = 1e6
 """Largest limit of a normal force, N."""
-MAX_LAG = 1e3
-"""Largest lag of thrusts, s."""
 MAX_RATIO = 1e3
 """Largest stiffness and damping of joints in their units."""
 JOINT_TARGETS: Mapping[str, float] = {
@@ -41,7 +41,7 @@ MAX_HELD = 1000
 
 
 @dataclass(frozen=True, kw_only=True)
-class JointGains:
+class JointGains(checks.Checked):
     """PID of the joints, one value for (hip frontal, hip sagittal, knee).
 
     equations.md gives the hips 1000/20/40 in continuous time. Held over a control period of 1 ms, a
@@ -55,20 +55,15 @@ class JointGains:
         integral_limit: largest torque of the integral part, N·m.
     """
 
-    k_p: tuple[float, float, float] = (1000.0, 1000.0, 1000.0)
-    k_i: tuple[float, float, float] = (20.0, 20.0, 20.0)
-    k_d: tuple[float, float, float] = (10.0, 10.0, 3.0)
-    integral_limit: float = 4.0
-
-    def __post_init__(self) -> None:
-        checks.gains("joint k_p", self.k_p)
-        checks.gains("joint k_i", self.k_i)
-        checks.gains("joint k_d", self.k_d)
-        checks.number("integral_limit", self.integral_limit, low=0.0)
+    whose = "joint "
+    k_p: tuple[float, float, float] = checks.setting((1000.0, 1000.0, 1000.0), checks.fixed_gains)
+    k_i: tuple[float, float, float] = checks.setting((20.0, 20.0, 20.0), checks.fixed_gains)
+    k_d: tuple[float, float, float] = checks.setting((10.0, 10.0, 3.0), checks.fixed_gains)
+    integral_limit: float = checks.setting(4.0, low=0.0)
 
 
 @dataclass(frozen=True, kw_only=True)
-class FeedforwardGains:
+class FeedforwardGains(checks.Checked):
     """Gains of :mod:`harpy_pin.contrib.feedforward`, for (hip frontal, hip sagittal, knee).
 
     In swing a gain acts on the inertia of a leg, in stance on a part of the body's, so each phase
@@ -83,20 +78,15 @@ class FeedforwardGains:
         contact_threshold: measured normal force from which on a foot counts as in stance, N.
     """
 
-    stance_p: tuple[float, float, float] = (600.0, 600.0, 300.0)
-    stance_d: tuple[float, float, float] = (6.5, 6.5, 3.0)
-    swing_p: tuple[float, float, float] = (200.0, 200.0, 60.0)
-    swing_d: tuple[float, float, float] = (4.0, 4.0, 1.1)
-    contact_threshold: float = 1.0
-
-    def __post_init__(self) -> None:
-        for name in ("stance_p", "stance_d", "swing_p", "swing_d"):
-            checks.gains(name, getattr(self, name))
-        checks.number("contact_threshold", self.contact_threshold, low=0.0, high=MAX_FORCE)
+    stance_p: tuple[float, float, float] = checks.setting((600.0, 600.0, 300.0), checks.fixed_gains)
+    stance_d: tuple[float, float, float] = checks.setting((6.5, 6.5, 3.0), checks.fixed_gains)
+    swing_p: tuple[float, float, float] = checks.setting((200.0, 200.0, 60.0), checks.fixed_gains)
+    swing_d: tuple[float, float, float] = checks.setting((4.0, 4.0, 1.1), checks.fixed_gains)
+    contact_threshold: float = checks.setting(1.0, low=0.0, high=MAX_FORCE)
 
 
 @dataclass(frozen=True, kw_only=True)
-class GovernedParameters:
+class GovernedParameters(checks.Checked):
     """Settings of :class:`~harpy_pin.controllers.governed.GovernedController`; by default the
     paper's 3D run.
 
@@ -120,24 +110,20 @@ class GovernedParameters:
             given.
     """
 
-    period: float = 1e-3
+    period: float = checks.setting(1e-3, low=0.0, strict=True)
     centre: CentreGains = field(default_factory=CentreGains)
     attitude: AttitudeGains = field(default_factory=AttitudeGains)
     joints: JointGains = field(default_factory=JointGains)
-    legs: str = "pid"
+    legs: str = checks.setting("pid", checks.one_of, valid=LEGS, called="leg control law")
     feedforward: FeedforwardGains = field(default_factory=FeedforwardGains)
     reference_velocity: bool = True
     limits: bool = False
     thrust: bool = True
     estimate_friction: bool = False
 
-    def __post_init__(self) -> None:
-        checks.number("period", self.period, low=0.0, strict=True)
-        checks.one_of("leg control law", self.legs, LEGS)
-
 
 @dataclass(frozen=True, kw_only=True)
-class WholeBodyParameters:
+class WholeBodyParameters(checks.Checked):
     """Settings of the whole-body controllers; gains and forces are at most 1e6.
 
     Gains, forces and weights depend on the robot and have no defaults here: :meth:`for_gait` finds
@@ -181,26 +167,28 @@ class WholeBodyParameters:
         limits: of the constraints.
     """
 
-    period: float = 1e-3
-    body: tuple[float, float]
-    orientation: tuple[float, float]
-    swing: tuple[float, float]
-    posture: tuple[float, float] = (100.0, 20.0)
-    contact_damping: float
-    min_normal_force: float
-    max_normal_force: float
-    contact_threshold: float = 1.0
-    hold_ticks: int = 20
-    formulation: str = "input_space"
-    solver: str = "proxqp"
+    period: float = checks.setting(1e-3, low=0.0, strict=True)
+    body: tuple[float, float] = field(metadata=checks.rule(called="gains of body", **PAIR))
+    orientation: tuple[float, float] = field(
+        metadata=checks.rule(called="gains of orientation", **PAIR)
+    )
+    swing: tuple[float, float] = field(metadata=checks.rule(called="gains of swing", **PAIR))
+    posture: tuple[float, float] = checks.setting((100.0, 20.0), called="gains of posture", **PAIR)
+    contact_damping: float = field(metadata=checks.rule(low=0.0, high=MAX_GAIN))
+    min_normal_force: float = field(metadata=checks.rule(low=0.0, high=MAX_FORCE))
+    max_normal_force: float = field(metadata=checks.rule())
+    contact_threshold: float = checks.setting(1.0, low=0.0, high=MAX_FORCE)
+    hold_ticks: int = checks.setting(20, checks.whole, high=MAX_HELD)
+    formulation: str = checks.setting("input_space", checks.one_of, valid=FORMULATIONS)
+    solver: str = checks.setting("proxqp", checks.one_of, valid=SOLVERS)
     estimate_friction: bool = True
     estimate_joint_friction: bool = False
-    thrust_lag: float = 0.0
-    thrust_turning_lag: float = 0.0
-    joint_stiffness: float = 0.0
-    joint_damping: float = 0.0
-    joint_leak: float = 40.0
-    joint_learning: float = 1.0
+    thrust_lag: float = checks.setting(0.0, low=0.0, high=checks.MAX_LAG)
+    thrust_turning_lag: float = checks.setting(0.0, low=0.0, high=checks.MAX_LAG)
+    joint_stiffness: float = checks.setting(0.0, low=0.0, high=MAX_RATIO)
+    joint_damping: float = checks.setting(0.0, low=0.0, high=MAX_RATIO)
+    joint_leak: float = checks.setting(40.0, low=0.0, high=MAX_GAIN)
+    joint_learning: float = checks.setting(1.0, low=0.0, high=MAX_GAIN)
     weights: WholeBodyWeights
     limits: WholeBodyLimits = field(default_factory=WholeBodyLimits)
 
@@ -229,28 +217,11 @@ class WholeBodyParameters:
         return changed(changed(fitting, gait.controller_parameters), changes)
 
     def __post_init__(self) -> None:
-        checks.number("period", self.period, low=0.0, strict=True)
-        for name in ("body", "orientation", "swing", "posture"):
-            for gain in checks.gains(f"gains of {name}", getattr(self, name), 2):
-                checks.number(f"gains of {name}", gain, high=MAX_GAIN)
-        checks.number("contact_damping", self.contact_damping, low=0.0, high=MAX_GAIN)
-        checks.number("hold_ticks", self.hold_ticks, low=0.0, high=MAX_HELD)
-        for name in ("thrust_lag", "thrust_turning_lag"):
-            checks.keep(
-                self, **{name: checks.number(name, getattr(self, name), low=0.0, high=MAX_LAG)}
-            )
-        checks.numbers(self, "joint_stiffness", "joint_damping", low=0.0, high=MAX_RATIO)
-        checks.numbers(self, "joint_leak", "joint_learning", low=0.0, high=MAX_GAIN)
-        checks.numbers(self, "min_normal_force", "contact_threshold", low=0.0, high=MAX_FORCE)
-        low = self.min_normal_force
+        super().__post_init__()
+        least = self.min_normal_force
         checks.number(
-            "max_normal_force", self.max_normal_force, low=low, high=MAX_FORCE, strict=True
+            "max_normal_force", self.max_normal_force, low=least, high=MAX_FORCE, strict=True
         )
-        for kind, name, valid in (
-            ("formulation", self.formulation, FORMULATIONS),
-            ("solver", self.solver, SOLVERS),
-        ):
-            checks.one_of(kind, name, valid)
 
 
 def changed(

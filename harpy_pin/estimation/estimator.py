@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from types import SimpleNamespace
 from typing import Any
 
@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from harpy_pin import checks
 from harpy_pin.arguments import checked
 from harpy_pin.errors import InputError
-from harpy_pin.estimation.imu import Imu
+from harpy_pin.estimation.imu import NOT_NEGATIVE, POSITIVE, Imu
 from harpy_pin.estimation.plausibility import BAD_TARGET, MISMATCH, NO_SAMPLE
 from harpy_pin.estimation.readings import Readings
 from harpy_pin.estimation.record import ContactRecord, EstimatorRecord, FilterRecord
@@ -38,8 +38,13 @@ height.
 """
 
 
+def _finite_or_endless(name: str, value: Any) -> float:
+    endless = isinstance(value, float) and value == np.inf
+    return value if endless else checks.number(name, value, **POSITIVE)
+
+
 @dataclass(frozen=True, kw_only=True)
-class EstimatorSettings:
+class EstimatorSettings(checks.Checked):
     """Settings of the estimator besides the noise of its sensors; the defaults are for all robots.
 
     Attributes:
@@ -69,30 +74,21 @@ class EstimatorSettings:
         InputError: a number out of its domain.
     """
 
-    foothold_density: float = 0.002
-    foothold_noise: float = 5e-4
-    height_noise: float = 0.01
-    gate: float = 40.0
-    force_rate: float | None = None
-    load: float = 0.06
-    load_width: float = 0.02
-    prior: float = 2.0
-    foot_speed: float = 0.5
-    rest: float = 4.5
-    rest_speed: float = 0.08
-    damping: float = 1e-4
-    tilt: float = 0.01
-    velocity: float = 0.02
-
-    def __post_init__(self) -> None:
-        for entry in fields(self):
-            value, name = getattr(self, entry.name), f"estimator {entry.name}"
-            endless = entry.name == "height_noise" and isinstance(value, float) and value == np.inf
-            if not endless and (value is not None or entry.default is not None):
-                value = checks.number(
-                    name, value, low=0.0, high=1e6, strict=entry.name not in ("prior", "load")
-                )
-            checks.keep(self, **{entry.name: value})
+    whose = "estimator "
+    foothold_density: float = checks.setting(0.002, **POSITIVE)
+    foothold_noise: float = checks.setting(5e-4, **POSITIVE)
+    height_noise: float = checks.setting(0.01, _finite_or_endless)
+    gate: float = checks.setting(40.0, **POSITIVE)
+    force_rate: float | None = checks.setting(None, **POSITIVE)
+    load: float = checks.setting(0.06, **NOT_NEGATIVE)
+    load_width: float = checks.setting(0.02, **POSITIVE)
+    prior: float = checks.setting(2.0, **NOT_NEGATIVE)
+    foot_speed: float = checks.setting(0.5, **POSITIVE)
+    rest: float = checks.setting(4.5, **POSITIVE)
+    rest_speed: float = checks.setting(0.08, **POSITIVE)
+    damping: float = checks.setting(1e-4, **POSITIVE)
+    tilt: float = checks.setting(0.01, **POSITIVE)
+    velocity: float = checks.setting(0.02, **POSITIVE)
 
 
 @fixed_arrays("record", "probability")

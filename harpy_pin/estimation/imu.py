@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -12,11 +13,12 @@ from harpy_pin.model.state import Vector
 
 MOST = 1e6
 """Largest number of a sensor, in its unit."""
-_ANY_SIGN = ("position", "orientation")
+NOT_NEGATIVE: dict[str, Any] = {"low": 0.0, "high": MOST}
+POSITIVE: dict[str, Any] = {**NOT_NEGATIVE, "strict": True}
 
 
 @dataclass(frozen=True, kw_only=True)
-class Imu:
+class Imu(checks.Checked):
     """The sensors of a robot without a camera. The defaults are of the class that quadrupeds of 10
     to 20 kg have.
 
@@ -49,36 +51,24 @@ class Imu:
         InputError: a number that is negative or not finite.
     """
 
-    position: tuple[float, ...] = (0.0, 0.0, 0.0)
-    orientation: tuple[float, ...] = (0.0, 0.0, 0.0)
-    rate: float | None = None
-    gyroscope_density: float = 1.7e-4
-    gyroscope_bias: float = 1e-3
-    gyroscope_walk: float = 2e-5
-    gyroscope_range: float = 35.0
-    accelerometer_density: float = 2e-3
-    accelerometer_bias: float = 0.04
-    accelerometer_walk: float = 2e-4
-    accelerometer_range: float = 157.0
-    encoder_resolution: float = 4e-4
-    encoder_noise: float = 5e-4
-    velocity_noise: float = 2e-2
-    torque_error: float = 0.03
-    torque_noise: float = 0.1
-    foot_noise: float | None = None
-
-    def __post_init__(self) -> None:
-        values: dict[str, object] = {}
-        for entry in fields(self):
-            name, value = entry.name, getattr(self, entry.name)
-            if name in _ANY_SIGN:
-                values[name] = tuple(checks.vector(f"imu {name}", value, 3).tolist())
-            elif value is not None or entry.default is not None:
-                strict = name.endswith(("range", "rate"))
-                values[name] = checks.number(
-                    f"imu {name}", value, low=0.0, high=MOST, strict=strict
-                )
-        checks.keep(self, **values)
+    whose = "imu "
+    position: tuple[float, ...] = checks.setting((0.0, 0.0, 0.0), checks.fixed_vector)
+    orientation: tuple[float, ...] = checks.setting((0.0, 0.0, 0.0), checks.fixed_vector)
+    rate: float | None = checks.setting(None, **POSITIVE)
+    gyroscope_density: float = checks.setting(1.7e-4, **NOT_NEGATIVE)
+    gyroscope_bias: float = checks.setting(1e-3, **NOT_NEGATIVE)
+    gyroscope_walk: float = checks.setting(2e-5, **NOT_NEGATIVE)
+    gyroscope_range: float = checks.setting(35.0, **POSITIVE)
+    accelerometer_density: float = checks.setting(2e-3, **NOT_NEGATIVE)
+    accelerometer_bias: float = checks.setting(0.04, **NOT_NEGATIVE)
+    accelerometer_walk: float = checks.setting(2e-4, **NOT_NEGATIVE)
+    accelerometer_range: float = checks.setting(157.0, **POSITIVE)
+    encoder_resolution: float = checks.setting(4e-4, **NOT_NEGATIVE)
+    encoder_noise: float = checks.setting(5e-4, **NOT_NEGATIVE)
+    velocity_noise: float = checks.setting(2e-2, **NOT_NEGATIVE)
+    torque_error: float = checks.setting(0.03, **NOT_NEGATIVE)
+    torque_noise: float = checks.setting(0.1, **NOT_NEGATIVE)
+    foot_noise: float | None = checks.setting(None, **NOT_NEGATIVE)
 
     @property
     def rotation(self) -> Vector:

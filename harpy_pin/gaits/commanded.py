@@ -58,19 +58,16 @@ class CommandedParameters(StepParameters):
         spare: how much of the legs' reach is never asked for, m.
     """
 
-    acceleration: float = 0.4
-    turn_acceleration: float = 0.8
-    max_turn: float = 1.0
-    feet_apart: float = 0.1
-    frozen: float = 0.75
-    settled: float = 5e-3
-    spare: float = 0.02
+    acceleration: float = checks.setting(0.4, low=0.0, high=100.0, strict=True)
+    turn_acceleration: float = checks.setting(0.8, low=0.0, high=100.0, strict=True)
+    max_turn: float = checks.setting(1.0, low=0.0, high=100.0, strict=True)
+    feet_apart: float = checks.setting(0.1, low=0.0, high=1.0)
+    frozen: float = checks.setting(0.75, low=0.0, high=1.0)
+    settled: float = checks.setting(5e-3, low=0.0, high=100.0, strict=True)
+    spare: float = checks.setting(0.02, low=0.0, high=1.0)
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        positive = ("acceleration", "turn_acceleration", "max_turn", "settled")
-        checks.numbers(self, *positive, low=0.0, high=100.0, strict=True)
-        checks.numbers(self, "feet_apart", "frozen", "spare", low=0.0, high=1.0)
         checks.number("double_support", self.double_support, low=0.01)
         checks.number("width", self.width, low=0.5 * self.feet_apart, strict=True)
 
@@ -160,9 +157,6 @@ class CommandedGait(FollowsVelocity):
         restart.prepare(self._record_)
         advance.prepare(0.0, self._record_, self.target._record_)
         self._begin()
-
-    def __repr__(self) -> str:
-        return f"{type(self).__name__}('{self.robot.name}')"
 
     def calls(self, state: State) -> tuple[Call, ...] | None:
         """See :meth:`~harpy_pin.gaits.gait.Gait.calls`; Python takes a script's rows."""

@@ -154,6 +154,9 @@ class Gait(KeepsViews, ABC):
         super().__init_subclass__()
         cls.constant = constant
 
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}('{self.robot.name}')"
+
     def __init__(self, robot: Robot) -> None:
         self.robot = checks.instance("robot", robot, Robot)
         self.target = GaitTarget(len(robot.feet))
@@ -294,9 +297,6 @@ class ClockGait(Gait):
 
     _record: Records[Any]
     _kernel: ClassVar[Kernel[bool]]
-
-    def __repr__(self) -> str:
-        return f"{type(self).__name__}('{self.robot.name}')"
 
     def update(self, t: float) -> GaitTarget:
         """See :meth:`Gait.update`; an InputError where t is not finite, or beyond 1e9 s."""

@@ -62,7 +62,7 @@ found.
 
 
 @dataclass(frozen=True, kw_only=True)
-class StepParameters:
+class StepParameters(checks.Checked):
     """Rhythm and shape of steps at the paper's rhythm; defaults tuned for little slip
     (docs/reproduction.md).
 
@@ -80,22 +80,15 @@ class StepParameters:
         settle: share of the stance in which it goes back to holding in the body.
     """
 
-    step_duration: float = 0.75
-    double_support: float = 0.3
-    height: float = 0.6
-    width: float = 0.125
-    sway: float = 0.025
-    clearance: float = 0.08
-    penetration_offset: float = 0.005
-    release: float = 0.4
-    settle: float = 0.9
-
-    def __post_init__(self) -> None:
-        checks.numbers(self, "step_duration", "height", low=0.0, strict=True)
-        checks.numbers(self, "width", "sway", "clearance", "penetration_offset", low=0.0)
-        checks.number("double_support", self.double_support, low=0.0, high=0.9)
-        checks.number("release", self.release, low=0.0, high=1.0 - CHANGE_OVER)
-        checks.number("settle", self.settle, low=0.0, high=1.0, strict=True)
+    step_duration: float = checks.setting(0.75, low=0.0, strict=True)
+    double_support: float = checks.setting(0.3, low=0.0, high=0.9)
+    height: float = checks.setting(0.6, low=0.0, strict=True)
+    width: float = checks.setting(0.125, low=0.0)
+    sway: float = checks.setting(0.025, low=0.0)
+    clearance: float = checks.setting(0.08, low=0.0)
+    penetration_offset: float = checks.setting(0.005, low=0.0)
+    release: float = checks.setting(0.4, low=0.0, high=1.0 - CHANGE_OVER)
+    settle: float = checks.setting(0.9, low=0.0, high=1.0, strict=True)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -107,11 +100,7 @@ class GaitParameters(StepParameters):
         speed: along x, m/s; zero is standing on both feet.
     """
 
-    speed: float = 0.3
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        checks.number("speed", self.speed, low=-100.0, high=100.0)
+    speed: float = checks.setting(0.3, low=-100.0, high=100.0)
 
 
 class StraightRecord(RecordOf, GaitParameters):

@@ -15,7 +15,7 @@ TUNED_LEG = 0.7000000000000001
 
 
 @dataclass(frozen=True, kw_only=True)
-class ContactForceFilterParameters:
+class ContactForceFilterParameters(checks.Checked):
     """Settings of :class:`~harpy_pin.governors.ContactForceFilter`; the defaults are Harpy's.
 
     For another robot :meth:`for_robot` scales them. The weights were found by a random search over
@@ -46,47 +46,21 @@ class ContactForceFilterParameters:
             attempts make the walk worse.
     """
 
-    mu: float = 0.25
-    friction_share: float = 0.95
-    margin: float = 0.2
-    min_normal_force: float = 1.0
-    contact_threshold: float = 1.0
-    contact_damping: float = 100.0
-    linear: tuple[float, float, float] = (0.04, 1.0, 0.1)
-    angular: tuple[float, float, float] = (0.015, 2e-6, 0.0075)
-    swing: float = 5.0
-    thrust: float = 1e-5
-    torque: float = 1e-2
-    thrust_authority: float = 40.0
-    torque_authority: float = 7.5
-    lag: float = 0.002
-    sliding_speed: float = 0.07
-
-    def __post_init__(self) -> None:
-        checks.number("mu", self.mu, low=0.0)
-        checks.number("friction_share", self.friction_share, low=0.0, high=1.0, strict=True)
-        checks.numbers(
-            self,
-            "margin",
-            "min_normal_force",
-            "contact_threshold",
-            "contact_damping",
-            "swing",
-            "lag",
-            low=0.0,
-        )
-        checks.gains("linear", self.linear)
-        checks.gains("angular", self.angular)
-        checks.numbers(
-            self,
-            "thrust",
-            "torque",
-            "thrust_authority",
-            "torque_authority",
-            "sliding_speed",
-            low=0.0,
-            strict=True,
-        )
+    mu: float = checks.setting(0.25, low=0.0)
+    friction_share: float = checks.setting(0.95, low=0.0, high=1.0, strict=True)
+    margin: float = checks.setting(0.2, low=0.0)
+    min_normal_force: float = checks.setting(1.0, low=0.0)
+    contact_threshold: float = checks.setting(1.0, low=0.0)
+    contact_damping: float = checks.setting(100.0, low=0.0)
+    linear: tuple[float, float, float] = checks.setting((0.04, 1.0, 0.1), checks.fixed_gains)
+    angular: tuple[float, float, float] = checks.setting((0.015, 2e-6, 0.0075), checks.fixed_gains)
+    swing: float = checks.setting(5.0, low=0.0)
+    thrust: float = checks.setting(1e-5, low=0.0, strict=True)
+    torque: float = checks.setting(1e-2, low=0.0, strict=True)
+    thrust_authority: float = checks.setting(40.0, low=0.0, strict=True)
+    torque_authority: float = checks.setting(7.5, low=0.0, strict=True)
+    lag: float = checks.setting(0.002, low=0.0)
+    sliding_speed: float = checks.setting(0.07, low=0.0, strict=True)
 
     @classmethod
     @checked

@@ -335,7 +335,7 @@ CONDITIONS = ("algorithm", "equation")
 
 
 @dataclass(frozen=True, kw_only=True)
-class PaperGovernorParameters:
+class PaperGovernorParameters(checks.Checked):
     """Settings of :class:`~harpy_pin.governors.ExplicitReferenceGovernor` on a walk; by default the
     paper's 3D run.
 
@@ -349,14 +349,9 @@ class PaperGovernorParameters:
         min_normal_force: least normal force of the row on it, N.
     """
 
-    alpha_r: float = 10.0
-    alpha_t: float = 15.0
-    alpha_n: float = 20.0
-    conditions: str = "algorithm"
-    friction_share: float = 1.0
-    min_normal_force: float = 20.0
-
-    def __post_init__(self) -> None:
-        checks.numbers(self, "alpha_r", "alpha_t", "alpha_n", "min_normal_force", low=0.0)
-        checks.one_of("conditions", self.conditions, CONDITIONS)
-        checks.number("friction_share", self.friction_share, low=0.0, high=1.0, strict=True)
+    alpha_r: float = checks.setting(10.0, low=0.0)
+    alpha_t: float = checks.setting(15.0, low=0.0)
+    alpha_n: float = checks.setting(20.0, low=0.0)
+    conditions: str = checks.setting("algorithm", checks.one_of, valid=CONDITIONS)
+    friction_share: float = checks.setting(1.0, low=0.0, high=1.0, strict=True)
+    min_normal_force: float = checks.setting(20.0, low=0.0)

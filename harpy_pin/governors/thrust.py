@@ -15,7 +15,7 @@ from harpy_pin.model.state import Vector
 
 
 @dataclass(frozen=True, kw_only=True)
-class CentreGains:
+class CentreGains(checks.Checked):
     """Gains of the feedback on the body's position; defaults are those of the 3D run.
 
     Attributes:
@@ -25,16 +25,10 @@ class CentreGains:
         k_dr: k_dr of the leg's radial command, 1/s.
     """
 
-    k_pt: float | tuple[float, float, float] = 400.0
-    k_dt: float | tuple[float, float, float] = 40.0
-    k_pr: float = 0.0
-    k_dr: float = 0.0
-
-    def __post_init__(self) -> None:
-        checks.gains("k_pt", self.k_pt)
-        checks.gains("k_dt", self.k_dt)
-        checks.number("k_pr", self.k_pr, low=0.0)
-        checks.number("k_dr", self.k_dr, low=0.0)
+    k_pt: float | tuple[float, float, float] = checks.setting(400.0, checks.fixed_gains)
+    k_dt: float | tuple[float, float, float] = checks.setting(40.0, checks.fixed_gains)
+    k_pr: float = checks.setting(0.0, low=0.0)
+    k_dr: float = checks.setting(0.0, low=0.0)
 
     @property
     def record(self) -> Records[CentreGainsRecord]:
@@ -51,7 +45,7 @@ class CentreGainsRecord(RecordOf, CentreGains):
 
 
 @dataclass(frozen=True, kw_only=True)
-class AttitudeGains:
+class AttitudeGains(checks.Checked):
     """Gains of the roll and yaw feedback, on the force of each thruster (equations.md §3).
 
     Attributes:
@@ -59,12 +53,9 @@ class AttitudeGains:
         k_d: N·s/rad.
     """
 
-    k_p: float = 200.0
-    k_d: float = 20.0
-
-    def __post_init__(self) -> None:
-        checks.number("attitude k_p", self.k_p, low=0.0)
-        checks.number("attitude k_d", self.k_d, low=0.0)
+    whose = "attitude "
+    k_p: float = checks.setting(200.0, low=0.0)
+    k_d: float = checks.setting(20.0, low=0.0)
 
 
 @kernel(r=(3,), c=(3,), c_dot=(3,), reference=(6,), out=(3,))

@@ -23,7 +23,7 @@ from harpy_pin import checks
 from harpy_pin.arguments import checked
 from harpy_pin.errors import InputError, shown
 from harpy_pin.ground.surface import TerrainRecord, flat_terrain
-from harpy_pin.ground.terrain import Plane, Terrain, read_terrain
+from harpy_pin.ground.terrain import STEEPEST, Plane, Terrain, read_terrain
 from harpy_pin.kernels import kernel
 from harpy_pin.model.catalogue import HARPY_FEET, HARPY_THRUSTERS
 from harpy_pin.model.record import RecordOf, Records, make_record
@@ -68,8 +68,42 @@ class GroundRecord(RecordOf):
     terrain: TerrainRecord  # its surface
 
 
+def _read_strips(
+    name: str, strips: Any, *, of: str, most: float
+) -> tuple[tuple[float, float, float], ...]:
+    """Strips as plain numbers; see :class:`Ground` for what they must be."""
+
+    def refuse(message: str, value: Any) -> InputError:
+        return InputError(message, name=name, value=value)
+
+    if not isinstance(strips, list | tuple):
+        raise refuse(f"{name} must be a tuple of strips, got {shown(strips)}", strips)
+    if len(strips) > MAX_STRIPS:
+        raise refuse(f"a ground has at most {MAX_STRIPS} {name}, got {len(strips)}", strips)
+    checked: list[tuple[float, float, float]] = []
+    for strip in strips:
+        if not isinstance(strip, list | tuple) or len(strip) != 3:
+            raise refuse(f"a strip must be (from x, to x, {of}), got {shown(strip)}", strip)
+        begin, end = (
+            checks.number("from of a strip", strip[0]),
+            checks.number("to of a strip", strip[1]),
+        )
+        value = checks.number(
+            f"{of} of a strip", strip[2], low=0.0, high=most, strict=of == "stiffness"
+        )
+        if end <= begin:
+            raise refuse(
+                f"a strip must end behind its beginning, got {begin:g} to {end:g} m", strip
+            )
+        if checked and begin < checked[-1][1]:
+            order = f"{begin:g} m lies before {checked[-1][1]:g} m"
+            raise refuse(f"{name} must be in the order of x and apart: {order}", strip)
+        checked.append((begin, end, value))
+    return tuple(checked)
+
+
 @dataclass(frozen=True, kw_only=True)
-class Ground:
+class Ground(checks.Checked):
     """Parameters of the ground, z = 0 where nothing else is said; defaults are equations.md §3.
 
     Attributes:
@@ -97,17 +131,24 @@ class Ground:
 
     stiffness: float = Unset(_STIFFNESS)
     damping: float | None = None
-    mu_s: float = 0.25
-    mu_c: float | None = None
-    mu_v: float = 0.85
-    stribeck_velocity: float = 0.01
-    cone: Literal["circular", "per_axis"] = "circular"
-    friction_strips: tuple[tuple[float, float, float], ...] = ()
-    stiffness_strips: tuple[tuple[float, float, float], ...] = ()
-    slope: float = 0.0
-    terrain: Terrain | None = None
+    mu_s: float = checks.setting(0.25, low=0.0, high=checks.MAX_FRICTION, called="friction mu_s")
+    mu_c: float | None = checks.setting(None, called="friction mu_c")
+    mu_v: float = checks.setting(0.85, low=0.0, called="viscous friction mu_v")
+    stribeck_velocity: float = checks.setting(0.01, low=0.0, strict=True)
+    cone: Literal["circular", "per_axis"] = checks.setting(
+        "circular", checks.one_of, valid=CONES, called="friction cone"
+    )
+    friction_strips: tuple[tuple[float, float, float], ...] = checks.setting(
+        (), _read_strips, of="friction", most=checks.MAX_FRICTION
+    )
+    stiffness_strips: tuple[tuple[float, float, float], ...] = checks.setting(
+        (), _read_strips, of="stiffness", most=MAX_STIFFNESS
+    )
+    slope: float = checks.setting(0.0, low=-STEEPEST, high=STEEPEST)
+    terrain: Terrain | None = checks.setting(None, lambda _, given: read_terrain(given))
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         stiffness = checks.number(
             "ground stiffness", self.stiffness, low=0.0, high=MAX_STIFFNESS, strict=True
         )
@@ -118,35 +159,15 @@ class Ground:
             damping = type(stiffness)(_DAMPING * math.sqrt(stiffness / _STIFFNESS))
         elif not isinstance(damping, Unset):
             damping = checks.number("ground damping", damping, low=0.0)
-        mu_s = checks.number("friction mu_s", self.mu_s, low=0.0, high=checks.MAX_FRICTION)
-        mu_c = _RATIO * mu_s if self.mu_c is None else self.mu_c
-        checks.keep(
-            self,
-            stiffness=stiffness,
-            damping=damping,
-            mu_s=mu_s,
-            mu_c=checks.number("friction mu_c", mu_c, low=0.0, high=mu_s),
-            mu_v=checks.number("viscous friction mu_v", self.mu_v, low=0.0),
-            stribeck_velocity=checks.number(
-                "stribeck_velocity", self.stribeck_velocity, low=0.0, strict=True
-            ),
-        )
-        checks.one_of("friction cone", self.cone, CONES)
-        most = checks.MAX_FRICTION
-        checks.keep(
-            self,
-            slope=Plane(slope=self.slope).slope,
-            friction_strips=_checked_strips("friction", self.friction_strips, most),
-            stiffness_strips=_checked_strips("stiffness", self.stiffness_strips, MAX_STIFFNESS),
-        )
-        if self.terrain is not None:
-            checks.keep(self, terrain=read_terrain(self.terrain))
-            if self.slope != 0.0:
-                raise InputError(
-                    "a ground has a slope or a terrain, not both: terrain=Plane(slope=...)",
-                    name="slope",
-                    value=self.slope,
-                )
+        mu_c = _RATIO * self.mu_s if self.mu_c is None else self.mu_c
+        checks.number("friction mu_c", mu_c, low=0.0, high=self.mu_s)
+        checks.keep(self, stiffness=stiffness, damping=damping, mu_c=mu_c)
+        if self.terrain is not None and self.slope != 0.0:
+            raise InputError(
+                "a ground has a slope or a terrain, not both: terrain=Plane(slope=...)",
+                name="slope",
+                value=self.slope,
+            )
 
     @checked
     def fitted(self, robot: Robot, *, walks: bool) -> Ground:
@@ -242,39 +263,6 @@ def _at_places(
     for begin, end, value in strips:
         found[(begin <= places) & (places < end)] = value
     return found
-
-
-def _checked_strips(of: str, strips: Any, most: float) -> tuple[tuple[float, float, float], ...]:
-    """Strips as plain numbers; see :class:`Ground` for what they must be."""
-    name = f"{of}_strips"
-
-    def refuse(message: str, value: Any) -> InputError:
-        return InputError(message, name=name, value=value)
-
-    if not isinstance(strips, list | tuple):
-        raise refuse(f"{name} must be a tuple of strips, got {shown(strips)}", strips)
-    if len(strips) > MAX_STRIPS:
-        raise refuse(f"a ground has at most {MAX_STRIPS} {name}, got {len(strips)}", strips)
-    checked: list[tuple[float, float, float]] = []
-    for strip in strips:
-        if not isinstance(strip, list | tuple) or len(strip) != 3:
-            raise refuse(f"a strip must be (from x, to x, {of}), got {shown(strip)}", strip)
-        begin, end = (
-            checks.number("from of a strip", strip[0]),
-            checks.number("to of a strip", strip[1]),
-        )
-        value = checks.number(
-            f"{of} of a strip", strip[2], low=0.0, high=most, strict=of == "stiffness"
-        )
-        if end <= begin:
-            raise refuse(
-                f"a strip must end behind its beginning, got {begin:g} to {end:g} m", strip
-            )
-        if checked and begin < checked[-1][1]:
-            order = f"{begin:g} m lies before {checked[-1][1]:g} m"
-            raise refuse(f"{name} must be in the order of x and apart: {order}", strip)
-        checked.append((begin, end, value))
-    return tuple(checked)
 
 
 @kernel

@@ -7,7 +7,7 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from typing import Any, ClassVar
 
 import numpy as np
@@ -33,10 +33,12 @@ STEEPEST = 1.2
 """Largest angle of a plane or a ramp, rad (69°)."""
 HIGHEST = 1e3
 """Largest height of a grid, m."""
+RESOLUTION: dict[str, Any] = {"low": 1e-3, "high": 1e3}
+"""Bounds of the distance of its points, m."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class Terrain(ABC):
+class Terrain(checks.Checked, ABC):
     """The surface of the ground, z = h(x, y).
 
     Attributes:
@@ -109,19 +111,11 @@ class Plane(Terrain):
     """
 
     name = "plane"
-    slope: float = 0.0
-    heading: float = 0.0
-    above: float = 0.0
-
-    def __post_init__(self) -> None:
-        checks.keep(
-            self,
-            slope=checks.number("slope", self.slope, low=-STEEPEST, high=STEEPEST),
-            heading=checks.number("heading of the slope", self.heading, low=-10.0, high=10.0),
-            above=checks.number(
-                "height of the plane at the origin", self.above, low=-1e6, high=1e6
-            ),
-        )
+    slope: float = checks.setting(0.0, low=-STEEPEST, high=STEEPEST)
+    heading: float = checks.setting(0.0, low=-10.0, high=10.0, called="heading of the slope")
+    above: float = checks.setting(
+        0.0, low=-1e6, high=1e6, called="height of the plane at the origin"
+    )
 
     def _parts(self) -> dict[str, Any]:
         rise = math.tan(self.slope)
@@ -144,17 +138,9 @@ class Ramp(Terrain):
     """
 
     name = "ramp"
-    slope: float = 0.1
-    start: float = 0.5
-    length: float = 2.0
-
-    def __post_init__(self) -> None:
-        checks.keep(
-            self,
-            slope=checks.number("slope", self.slope, low=-STEEPEST, high=STEEPEST),
-            start=checks.number("start of the ramp", self.start, low=-1e6, high=1e6),
-            length=checks.number("length of the ramp", self.length, low=0.0, high=1e6, strict=True),
-        )
+    slope: float = checks.setting(0.1, low=-STEEPEST, high=STEEPEST)
+    start: float = checks.setting(0.5, low=-1e6, high=1e6, called="start of the ramp")
+    length: float = checks.setting(2.0, low=0.0, high=1e6, strict=True, called="length of the ramp")
 
     def _parts(self) -> dict[str, Any]:
         rise = math.tan(self.slope)
@@ -178,22 +164,15 @@ class Stairs(Terrain):
     """
 
     name = "stairs"
-    rise: float = 0.05
-    depth: float = 0.3
-    steps: int = 10
-    start: float = 0.5
-    edge: float = 0.01
+    rise: float = checks.setting(0.05, low=-1.0, high=1.0, called="rise of a step")
+    depth: float = checks.setting(0.3, low=0.0, high=1e3, strict=True, called="depth of a step")
+    steps: int = checks.setting(10, checks.whole, low=1, high=MAX_PIECES // 2)
+    start: float = checks.setting(0.5, low=-1e6, high=1e6, called="start of the stairs")
+    edge: float = checks.setting(0.01, called="edge of a step")
 
     def __post_init__(self) -> None:
-        depth = checks.number("depth of a step", self.depth, low=0.0, high=1e3, strict=True)
-        checks.keep(
-            self,
-            rise=checks.number("rise of a step", self.rise, low=-1.0, high=1.0),
-            depth=depth,
-            steps=checks.whole("steps", self.steps, low=1, high=MAX_PIECES // 2),
-            start=checks.number("start of the stairs", self.start, low=-1e6, high=1e6),
-            edge=checks.number("edge of a step", self.edge, low=1e-4, high=0.5 * depth),
-        )
+        super().__post_init__()
+        checks.number("edge of a step", self.edge, low=1e-4, high=0.5 * self.depth)
 
     def _parts(self) -> dict[str, Any]:
         pieces = []
@@ -213,6 +192,23 @@ def _profile(pieces: list[tuple[float, float, float]]) -> dict[str, Any]:
     return {"pieces": len(pieces), "profile": profile}
 
 
+def _read_heights(name: str, value: Any) -> tuple[tuple[float, ...], ...]:
+    try:
+        heights = np.array(value, dtype=np.float64)
+    except (TypeError, ValueError, OverflowError):
+        heights = np.zeros(0)
+    if heights.ndim != 2 or not all(2 <= n <= MAX_CELLS for n in heights.shape):
+        got = f"an array of shape {heights.shape}" if heights.ndim == 2 else shown(value)
+        raise InputError(
+            f"{name} must be 2 to {MAX_CELLS} rows of 2 to {MAX_CELLS} numbers, got {got}",
+            name=name,
+            value=value,
+        )
+    if not (np.abs(heights) <= HIGHEST).all():
+        raise InputError(f"{name} must be finite and within {HIGHEST:g} m", name=name, value=value)
+    return tuple(tuple(row) for row in heights.tolist())
+
+
 @dataclass(frozen=True, kw_only=True)
 class HeightField(Terrain):
     """Heights on a grid; beyond its edge the ground goes on level, with the height of the edge.
@@ -224,37 +220,15 @@ class HeightField(Terrain):
     """
 
     name = "height_field"
-    heights: tuple[tuple[float, ...], ...]
-    resolution: float = 0.1
-    corner: tuple[float, float] | None = None
+    heights: tuple[tuple[float, ...], ...] = field(metadata=checks.rule(_read_heights))
+    resolution: float = checks.setting(0.1, **RESOLUTION)
+    corner: tuple[float, ...] | None = checks.setting(None, checks.fixed_vector, size=2)
 
     def __post_init__(self) -> None:
-        try:
-            heights = np.array(self.heights, dtype=np.float64)
-        except (TypeError, ValueError, OverflowError):
-            heights = np.zeros(0)
-        if heights.ndim != 2 or not all(2 <= n <= MAX_CELLS for n in heights.shape):
-            got = f"an array of shape {heights.shape}" if heights.ndim == 2 else shown(self.heights)
-            raise InputError(
-                f"heights must be 2 to {MAX_CELLS} rows of 2 to {MAX_CELLS} numbers, got {got}",
-                name="heights",
-                value=self.heights,
-            )
-        if not (np.abs(heights) <= HIGHEST).all():
-            raise InputError(
-                f"heights must be finite and within {HIGHEST:g} m",
-                name="heights",
-                value=self.heights,
-            )
-        resolution = checks.number("resolution", self.resolution, low=1e-3, high=1e3)
-        middle = tuple(-0.5 * resolution * (n - 1) for n in heights.shape)
-        corner = middle if self.corner is None else self.corner
-        checks.keep(
-            self,
-            heights=tuple(tuple(row) for row in heights.tolist()),
-            resolution=resolution,
-            corner=tuple(checks.vector("corner", corner, 2).tolist()),
-        )
+        super().__post_init__()
+        if self.corner is None:
+            points = (len(self.heights), len(self.heights[0]))
+            checks.keep(self, corner=tuple(-0.5 * self.resolution * (n - 1) for n in points))
 
     def _parts(self) -> dict[str, Any]:
         heights = np.array(self.heights)
@@ -275,17 +249,9 @@ class Rough(Terrain):
     """
 
     name = "rough"
-    amplitude: float = 0.02
-    resolution: float = 0.1
-    seed: int = 0
-
-    def __post_init__(self) -> None:
-        checks.keep(
-            self,
-            amplitude=checks.number("amplitude", self.amplitude, low=0.0, high=1.0),
-            resolution=checks.number("resolution", self.resolution, low=1e-3, high=1e3),
-            seed=checks.whole("seed", self.seed, low=0),
-        )
+    amplitude: float = checks.setting(0.02, low=0.0, high=1.0)
+    resolution: float = checks.setting(0.1, **RESOLUTION)
+    seed: int = checks.setting(0, checks.whole)
 
     def _parts(self) -> dict[str, Any]:
         if self.amplitude == 0.0:

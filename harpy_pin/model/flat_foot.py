@@ -10,8 +10,9 @@ holds a flat foot holds those six (:func:`harpy_pin.model.terms.flat_foot_rows`)
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import product
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -25,6 +26,8 @@ MIN_SPREAD = 1e-3
 """Least spread of the corners in their narrower direction, root mean square, m: less is a line,
 which turns freely.
 """
+SIDE: dict[str, Any] = {"low": 2.0 * MIN_SPREAD, "high": LARGEST}
+"""What a side of a flat foot may be, m."""
 
 UPRIGHT = 0.99
 """Least cosine of the angle between the normal of a sole and the vertical in the standing
@@ -36,8 +39,12 @@ sole, m.
 """
 
 
+def _read_width(name: str, value: float) -> float:
+    return checks.number(name, value, **SIDE) if value != 0.0 else 0.0
+
+
 @dataclass(frozen=True, kw_only=True)
-class FlatFoot:
+class FlatFoot(checks.Checked):
     """A rectangle on a link, with which the robot stands on flat ground.
 
     Its corners are feet of the robot, named like its frame with ``_0`` to ``_3`` behind: front
@@ -52,21 +59,14 @@ class FlatFoot:
         orientation: (3,) of the sole in the frame: roll, pitch and yaw as in a URDF, rad.
     """
 
-    length: float
-    width: float
-    centre: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    orientation: tuple[float, float, float] = (0.0, 0.0, 0.0)
-
-    def __post_init__(self) -> None:
-        for name in ("length", "width") if self.width != 0.0 else ("length",):
-            least = 2.0 * MIN_SPREAD
-            value = checks.number(
-                f"{name} of a flat foot", getattr(self, name), low=least, high=LARGEST
-            )
-            checks.keep(self, **{name: value})
-        for name in ("centre", "orientation"):
-            vector = checks.vector(f"{name} of a flat foot", getattr(self, name), 3)
-            checks.keep(self, **{name: tuple(vector.tolist())})
+    length: float = field(metadata=checks.rule(called="length of a flat foot", **SIDE))
+    width: float = field(metadata=checks.rule(_read_width, called="width of a flat foot"))
+    centre: tuple[float, float, float] = checks.setting(
+        (0.0, 0.0, 0.0), checks.fixed_vector, called="centre of a flat foot"
+    )
+    orientation: tuple[float, float, float] = checks.setting(
+        (0.0, 0.0, 0.0), checks.fixed_vector, called="orientation of a flat foot"
+    )
 
     @property
     def placement(self) -> pin.SE3:

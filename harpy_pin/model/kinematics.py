@@ -4,7 +4,7 @@ frames.
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -23,7 +23,7 @@ PARALLEL = 5e-3
 
 
 @dataclass(frozen=True, kw_only=True)
-class LegGeometry:
+class LegGeometry(checks.Checked):
     """One leg of Harpy's kind: hip frontal (x), hip sagittal (y), knee (y), point foot.
 
     A parallelogram that holds the tarsus parallel to the thigh is such a leg, too.
@@ -39,18 +39,13 @@ class LegGeometry:
         InputError: a number is not finite, or a link has no length.
     """
 
-    hip: tuple[float, float, float]
-    offset: float
-    upper: float
-    lower: float
-    zero: tuple[float, float, float] = (0.0, 0.0, 0.0)
-
-    def __post_init__(self) -> None:
-        checks.vector("hip", self.hip, 3)
-        checks.number("offset of the hip", self.offset)
-        checks.number("upper link", self.upper, low=0.0, strict=True)
-        checks.number("lower link", self.lower, low=0.0, strict=True)
-        checks.vector("zero of the leg", self.zero, 3)
+    hip: tuple[float, float, float] = field(metadata=checks.rule(checks.fixed_vector))
+    offset: float = field(metadata=checks.rule(called="offset of the hip"))
+    upper: float = field(metadata=checks.rule(low=0.0, strict=True, called="upper link"))
+    lower: float = field(metadata=checks.rule(low=0.0, strict=True, called="lower link"))
+    zero: tuple[float, float, float] = checks.setting(
+        (0.0, 0.0, 0.0), checks.fixed_vector, called="zero of the leg"
+    )
 
     @cached_property
     def record(self) -> Records[LegRecord]:

@@ -43,7 +43,9 @@ class Disturbances(checks.Checked):
     delay: float = checks.setting(0.0, low=0.0)
     mass_error: float = checks.setting(0.0, low=-1.0, high=MAX_MASS_ERROR, strict=True)
     actuators: Actuators = checks.setting(Actuators(), checks.record, kind=Actuators)
-    start_velocity: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    start_velocity: tuple[float, ...] = checks.setting(
+        (0.0, 0.0, 0.0, 0.0, 0.0, 0.0), checks.fixed_vector, size=6
+    )
     seed: int = checks.setting(0, checks.whole)
     normal_error: float = checks.setting(0.0, low=-1.0, high=1.0)
 
@@ -59,7 +61,6 @@ class Disturbances(checks.Checked):
             self,
             pushes=tuple(checks.record("push", push, Push) for push in self.pushes),
             noise=Noise.typical(noise) if multiple else checks.record("noise", noise, Noise),
-            start_velocity=tuple(checks.vector("start_velocity", self.start_velocity, 6).tolist()),
         )
 
     def to_dict(self) -> dict[str, Any]:

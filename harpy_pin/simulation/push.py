@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 
@@ -15,13 +14,6 @@ from harpy_pin.errors import InputError, shown
 from harpy_pin.model.state import Vector
 
 MAX_IMPULSE = 1e6  # N·s along an axis
-
-
-def _read_impulse(name: str, value: Any) -> tuple[float, ...]:
-    return tuple(
-        checks.number(name, part, low=-MAX_IMPULSE, high=MAX_IMPULSE)
-        for part in checks.vector(name, value, 3).tolist()
-    )
 
 
 @dataclass(frozen=True)
@@ -38,7 +30,9 @@ class Push(checks.Checked):
     """
 
     time: float = field(metadata=checks.rule(low=0.0, called="time of the push"))
-    impulse: tuple[float, float, float] = field(metadata=checks.rule(_read_impulse))
+    impulse: tuple[float, float, float] = field(
+        metadata=checks.rule(checks.fixed_vector, low=-MAX_IMPULSE, high=MAX_IMPULSE)
+    )
     duration: float = checks.setting(0.1, low=0.0, strict=True, called="duration of the push")
 
     @checked

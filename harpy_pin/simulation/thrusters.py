@@ -20,9 +20,8 @@ from harpy_pin.kernels import kernel
 from harpy_pin.model.record import ZERO, Record, RecordOf, Records, make_record, sized
 from harpy_pin.model.state import Vector
 
-MAX_LAG = 1e3  # s
 MAX_THRUST = 1e6  # N, and N/s
-SMALL = 1e-9  # thrust below which a command has no direction, N
+NO_THRUST = 1e-9  # thrust below which a command has no direction, N
 
 
 def _read_failing(name: str, value: Any) -> tuple[int, float, float]:
@@ -62,11 +61,11 @@ class Thrusters(checks.Checked):
     """
 
     whose = "thrusters' "
-    lag: float = checks.setting(0.0, low=0.0, high=MAX_LAG)
+    lag: float = checks.setting(0.0, low=0.0, high=checks.MAX_LAG)
     rate: float | None = checks.setting(None, low=0.0, high=MAX_THRUST, strict=True)
     least: float = checks.setting(0.0, low=0.0, high=MAX_THRUST)
     largest: float | None = checks.setting(None, high=MAX_THRUST)
-    turning_lag: float = checks.setting(0.0, low=0.0, high=MAX_LAG)
+    turning_lag: float = checks.setting(0.0, low=0.0, high=checks.MAX_LAG)
     failing: tuple[int, float, float] | None = checks.setting(None, _read_failing)
 
     def __post_init__(self) -> None:
@@ -167,7 +166,7 @@ def drive_thrusters(m: ThrustersRecord, rotation: Vector, command: Vector) -> No
     for k in range(free):
         c = command[3 * k : 3 * k + 3]
         size = np.sqrt(c @ c)
-        if size > SMALL:
+        if size > NO_THRUST:
             turn(m.direction[k], rotation, c, size, m.remaining if m.settled else 0.0)
         level = max(_follow(m, k, min(max(size, m.least), largest)), 0.0)
         m.mean_thrust[3 * k : 3 * k + 3] = level * (rotation @ m.direction[k])

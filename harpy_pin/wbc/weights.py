@@ -19,8 +19,6 @@ from harpy_pin.model.robot import Robot, feet_moved
 from harpy_pin.model.state import Vector
 from harpy_pin.wbc.targets import TargetsRecord
 
-MAX_FRICTION = 10.0
-"""Largest friction coefficient: rubber on rubber has less than two."""
 MAX_FACES = 64
 """Most faces of a friction pyramid: its cone is less than two thousandths wider."""
 MAX_WEIGHT = 1e6
@@ -79,7 +77,7 @@ class WholeBodyWeights:
 
 
 @dataclass(frozen=True, kw_only=True)
-class WholeBodyLimits:
+class WholeBodyLimits(checks.Checked):
     """Constraints of the problem.
 
     Attributes:
@@ -95,23 +93,12 @@ class WholeBodyLimits:
             (:mod:`harpy_pin.wbc.giving_way`). One: nothing gives way.
     """
 
-    mu: float = 0.25
-    friction_share: float = 0.4
-    faces: int = 8
-    lateral_thrust: float = 0.4
-    torque_scale: float = 1.0
-    give_way: float = 0.003
-
-    def __post_init__(self) -> None:
-        checks.number("mu", self.mu, low=0.0, high=MAX_FRICTION)
-        checks.number("friction_share", self.friction_share, low=0.0, high=1.0, strict=True)
-        if checks.number("faces", self.faces, low=3.0, high=MAX_FACES) != int(self.faces):
-            raise InputError(
-                f"faces must be a whole number, got {self.faces}", name="faces", value=self.faces
-            )
-        checks.number("lateral_thrust", self.lateral_thrust, low=0.0, high=0.7)
-        checks.number("torque_scale", self.torque_scale, low=0.0, high=MAX_WEIGHT, strict=True)
-        checks.number("give_way", self.give_way, low=0.0, high=1.0, strict=True)
+    mu: float = checks.setting(0.25, low=0.0, high=checks.MAX_FRICTION)
+    friction_share: float = checks.setting(0.4, low=0.0, high=1.0, strict=True)
+    faces: int = checks.setting(8, checks.whole, low=3, high=MAX_FACES)
+    lateral_thrust: float = checks.setting(0.4, low=0.0, high=0.7)
+    torque_scale: float = checks.setting(1.0, low=0.0, high=MAX_WEIGHT, strict=True)
+    give_way: float = checks.setting(0.003, low=0.0, high=1.0, strict=True)
 
     @property
     def inscribed(self) -> float:
@@ -123,7 +110,7 @@ class WholeBodyLimits:
     @property
     def pyramid(self) -> Vector:
         """(faces, 3) rows p of the friction pyramid: it holds where p f ≥ 0."""
-        angle = 2.0 * np.pi * np.arange(int(self.faces)) / self.faces
+        angle = 2.0 * np.pi * np.arange(self.faces) / self.faces
         up = np.full(len(angle), self.friction_share * self.mu * self.inscribed)
         return np.column_stack((-np.cos(angle), -np.sin(angle), up))
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import tomllib
 from dataclasses import asdict, dataclass, field, fields
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -24,9 +25,11 @@ from harpy_pin.kernels import kernel
 from harpy_pin.model.record import RecordOf, Records, make_record
 from harpy_pin.model.state import Vector
 
+positive = partial(checks.setting, low=0.0, strict=True)
+
 
 @dataclass(frozen=True, kw_only=True)
-class PlanarGait:
+class PlanarGait(checks.Checked):
     """A planar walk. Positions are relative to the body's origin, body axes, m; heights count
     downwards.
 
@@ -37,53 +40,40 @@ class PlanarGait:
         InputError: a number is not finite or out of its domain.
     """
 
-    half_step: float = 0.1125  # half the distance between the two ends, the paper's "end x"
-    end_height: float = 0.6  # of the ends below the body
-    swing_mid_height: float = 0.5  # of the middle control point P2 of the swing, below the body
-    stance_mid_height: float = 0.6  # of the middle control point P2 of the stance, below the body
-    offset: float = 0.0  # how far the middle between the ends lies in front of the body
-    swing_mid_x: float = 0.0  # of P2 of the swing, from that middle
-    stance_mid_x: float = 0.0  # of P2 of the stance, from that middle
+    half_step: float = positive(
+        0.1125
+    )  # half the distance between the two ends, the paper's "end x"
+    end_height: float = positive(0.6)  # of the ends below the body
+    swing_mid_height: float = positive(
+        0.5
+    )  # of the middle control point P2 of the swing, below the body
+    stance_mid_height: float = positive(
+        0.6
+    )  # of the middle control point P2 of the stance, below the body
+    offset: float = checks.setting(
+        0.0
+    )  # how far the middle between the ends lies in front of the body
+    swing_mid_x: float = checks.setting(0.0)  # of P2 of the swing, from that middle
+    stance_mid_x: float = checks.setting(0.0)  # of P2 of the stance, from that middle
     # P1 − P0 of the swing, forward; the foot's speed at lift-off is 4/duration of it
-    lift_x: float = 0.0
-    lift_z: float = 0.0  # P1 − P0 of the swing, upward
-    land_x: float = 0.0  # P4 − P3 of the swing, forward
-    land_z: float = 0.0  # P4 − P3 of the swing, upward
-    load_x: float = 0.0  # P1 − P0 of the stance, forward
-    load_z: float = 0.0  # P1 − P0 of the stance, upward
-    push_x: float = 0.0  # P4 − P3 of the stance, forward
-    push_z: float = 0.0  # P4 − P3 of the stance, upward
-    step_duration: float = 0.75  # T, one step, s
+    lift_x: float = checks.setting(0.0)
+    lift_z: float = checks.setting(0.0)  # P1 − P0 of the swing, upward
+    land_x: float = checks.setting(0.0)  # P4 − P3 of the swing, forward
+    land_z: float = checks.setting(0.0)  # P4 − P3 of the swing, upward
+    load_x: float = checks.setting(0.0)  # P1 − P0 of the stance, forward
+    load_z: float = checks.setting(0.0)  # P1 − P0 of the stance, upward
+    push_x: float = checks.setting(0.0)  # P4 − P3 of the stance, forward
+    push_z: float = checks.setting(0.0)  # P4 − P3 of the stance, upward
+    step_duration: float = positive(0.75)  # T, one step, s
     # δ, share of T in which both feet are planned on the ground (see
     # :mod:`harpy_pin.gaits.straight`)
-    double_support: float = 0.0
-    speed: float = 0.3  # desired, m/s
-    height: float = 0.6  # desired, m
-    start_vx: float = 0.2  # forward velocity of the body at t = 0, m/s
-    start_vz: float = 0.1  # upward velocity of the body at t = 0, m/s
-    start_pitch: float = 0.0  # rad
-    start_pitch_rate: float = 0.0  # rad/s
-
-    def __post_init__(self) -> None:
-        positive = (
-            "half_step",
-            "end_height",
-            "swing_mid_height",
-            "stance_mid_height",
-            "step_duration",
-            "height",
-        )
-        for entry in fields(self):
-            low = 0.0 if entry.name in (*positive, "double_support") else -np.inf
-            high = 0.9 if entry.name == "double_support" else np.inf
-            number = checks.number(
-                entry.name,
-                getattr(self, entry.name),
-                low=low,
-                high=high,
-                strict=entry.name in positive,
-            )
-            checks.keep(self, **{entry.name: number})
+    double_support: float = checks.setting(0.0, low=0.0, high=0.9)
+    speed: float = checks.setting(0.3)  # desired, m/s
+    height: float = positive(0.6)  # desired, m
+    start_vx: float = checks.setting(0.2)  # forward velocity of the body at t = 0, m/s
+    start_vz: float = checks.setting(0.1)  # upward velocity of the body at t = 0, m/s
+    start_pitch: float = checks.setting(0.0)  # rad
+    start_pitch_rate: float = checks.setting(0.0)  # rad/s
 
     @classmethod
     @checked

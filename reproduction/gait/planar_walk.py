@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 
 from harpy_pin import checks
 from harpy_pin.arguments import checked
+from harpy_pin.controllers.governed_tick import MAX_JOINT_RATE
 from harpy_pin.ground.ground import Ground, GroundRecord
 from harpy_pin.kernels import kernel
 from harpy_pin.model.memory import KeepsViews
@@ -23,28 +24,21 @@ from harpy_pin.simulation.step import StepRecord, implicit_step, step_record
 from reproduction.gait.planar_gait import PlanarGait, PlanarGaitRecord, planar_targets
 from reproduction.gait.planar_model import NV, PlanarModel, PlanarModelRecord, planar_terms
 
-MAX_JOINT_RATE = 20.0
-"""Largest joint velocity target, rad/s, as in the governed controller."""
-
 
 @dataclass(frozen=True, kw_only=True)
-class PlanarJoints:
+class PlanarJoints(checks.Checked):
     """PID of hips and knees (equations.md §3, "joint PID"; the derivative gains are what a 1 ms
     hold bears).
     """
 
-    k_p: tuple[float, float] = (1000.0, 1000.0)  # (hip, knee), N·m/rad
-    k_i: tuple[float, float] = (
-        20.0,
-        20.0,
-    )  # N·m/(rad·s); zero leaves the controller without memory
-    k_d: tuple[float, float] = (10.0, 3.0)  # N·m·s/rad
-    integral_limit: float = 4.0  # largest torque of the integral part, N·m
-
-    def __post_init__(self) -> None:
-        for name in ("k_p", "k_i", "k_d"):
-            checks.gains(name, getattr(self, name), 2)
-        checks.number("integral_limit", self.integral_limit, low=0.0)
+    # (hip, knee), N·m/rad
+    k_p: tuple[float, float] = checks.setting((1000.0, 1000.0), checks.fixed_gains, size=2)
+    # N·m/(rad·s); zero leaves the controller without memory
+    k_i: tuple[float, float] = checks.setting((20.0, 20.0), checks.fixed_gains, size=2)
+    # N·m·s/rad
+    k_d: tuple[float, float] = checks.setting((10.0, 3.0), checks.fixed_gains, size=2)
+    # largest torque of the integral part, N·m
+    integral_limit: float = checks.setting(4.0, low=0.0)
 
 
 class PlanarWalkRecord(PlanarGaitRecord, PlanarJoints):

@@ -3,7 +3,7 @@ optimisation").
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -81,7 +81,7 @@ MIN_OF_FALLS = 30.0
 
 
 @dataclass(frozen=True, kw_only=True)
-class PlanarTask:
+class PlanarTask(checks.Checked):
     """A planar walk to be found: how it is run and judged.
 
     A walk that falls costs 30 and 60 times the share of the time that the fall took away; one that
@@ -90,13 +90,13 @@ class PlanarTask:
     """
 
     model: PlanarModel  # the robot in the plane
-    search: str = "middle"  # one of :data:`SEARCHES`
+    search: str = checks.setting("middle", checks.one_of, valid=SEARCHES)  # one of :data:`SEARCHES`
     # numbers of the gait that do not vary, where they are not the defaults
     fixed: Mapping[str, float] = field(default_factory=dict)
-    duration: float = 15.0  # of each trial walk, s
+    duration: float = checks.setting(15.0, low=0.0, strict=True)  # of each trial walk, s
     # static friction coefficients of the grounds that a gait has to walk on; the worst one counts
     friction: tuple[float, ...] = (0.25,)
-    slip_weight: float = 0.05  # per mm of slip per step beyond 1 mm
+    slip_weight: float = checks.setting(0.05, low=0.0)  # per mm of slip per step beyond 1 mm
     # a further cost of a gait, such as that of its walk in space; asked only for gaits that cost
     # less than 5 in the
     # plane, all others cost 100 more
@@ -104,12 +104,7 @@ class PlanarTask:
     extra_name: str = ""  # what it is, kept in the record
 
     def __post_init__(self) -> None:
-        checks.one_of("search", self.search, SEARCHES)
-        for entry in fields(self):
-            if entry.name not in ("model", "search", "fixed", "friction", "extra", "extra_name"):
-                checks.number(
-                    entry.name, getattr(self, entry.name), low=0.0, strict=entry.name == "duration"
-                )
+        super().__post_init__()
         if not self.friction:
             raise InputError(
                 "the search needs a friction coefficient", name="friction", value=self.friction
@@ -194,20 +189,16 @@ class PlanarTask:
 
 
 @dataclass(frozen=True, kw_only=True)
-class SpaceCost:
+class SpaceCost(checks.Checked):
     """Slip of the governed walk in space that a planar gait gives, in mm, and what lies outside the
     desired bounds.
     """
 
     robot: Robot  # Harpy
-    width: float = 0.125  # lateral distance of each foot from the path, m
-    friction: float = 0.25  # static friction coefficient
-    duration: float = 6.0  # of the walk, s
-
-    def __post_init__(self) -> None:
-        checks.number("width", self.width, low=0.0)
-        checks.number("friction", self.friction, low=0.0, high=checks.MAX_FRICTION, strict=True)
-        checks.number("duration", self.duration, low=0.0, strict=True)
+    width: float = checks.setting(0.125, low=0.0)  # lateral distance of each foot from the path, m
+    # static friction coefficient
+    friction: float = checks.setting(0.25, low=0.0, high=checks.MAX_FRICTION, strict=True)
+    duration: float = checks.setting(6.0, low=0.0, strict=True)  # of the walk, s
 
     @property
     def name(self) -> str:

@@ -2,7 +2,7 @@
 
 import math
 import re
-from dataclasses import dataclass, field
+from dataclasses import MISSING, dataclass, field, fields
 from functools import partial
 
 import numpy as np
@@ -326,3 +326,19 @@ def test_settings_keep_what_their_check_makes_of_them():
     ):
         with pytest.raises(hp.InputError, match=re.escape(says)):
             Hub(**given)
+
+
+def kinds_of(kind):
+    return [kind, *(below for one in kind.__subclasses__() for below in kinds_of(one))]
+
+
+def test_defaults_are_what_their_checks_make_of_them():
+    """A default is not checked where it is taken; one of None stands for itself."""
+    found = {
+        (kind.__name__, entry.name): (entry.metadata["check"]("", entry.default), entry.default)
+        for kind in kinds_of(checks.Checked)[1:]
+        for entry in fields(kind)
+        if "check" in entry.metadata and entry.default not in (None, MISSING)
+    }
+    assert len(found) > 300
+    assert {name: pair for name, pair in found.items() if repr(pair[0]) != repr(pair[1])} == {}

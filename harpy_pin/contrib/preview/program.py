@@ -15,9 +15,8 @@ from numpy.typing import NDArray
 from harpy_pin.contrib.preview.model import sums
 from harpy_pin.errors import HarpyError
 from harpy_pin.model.state import Vector
+from harpy_pin.wbc.active_set import UNBOUNDED
 
-FREE = 1e20
-"""A bound that is none."""
 TOLERANCE = 1e-6
 """Of the optimality conditions, in the units of the program: some 0.02 m/s² in a force."""
 MOST, MOST_INNER = 30, 30
@@ -81,7 +80,7 @@ def force_program(
     sides = np.array(
         [[1.0, 0.0, -mu], [-1.0, 0.0, -mu], [0.0, 1.0, -mu], [0.0, -1.0, -mu], [0.0, 0.0, 1.0]]
     )
-    lower, upper = np.tile((-FREE,) * 4 + (0.0,), n), np.tile((0.0,) * 4 + (most,), n)
+    lower, upper = np.tile((-UNBOUNDED,) * 4 + (0.0,), n), np.tile((0.0,) * 4 + (most,), n)
     return ForceProgram(hessian, gradient, np.kron(np.eye(n), sides), lower, upper, effect)
 
 

@@ -7,29 +7,22 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
-from typing import Annotated, Any, NamedTuple, get_type_hints
+from functools import partial
+from typing import Any
 
 from harpy_pin import checks
 from harpy_pin.model.record import RecordOf
 
-
-class Range(NamedTuple):
-    """What a number may be: at most ``high``, and above zero or at it."""
-
-    high: float = 1e6
-    zero: bool = False
-
-
-Positive = Annotated[float, Range()]
-NotNegative = Annotated[float, Range(zero=True)]
-Share = Annotated[float, Range(1.0)]
-ShareOrNone = Annotated[float, Range(1.0, zero=True)]
-Part = Annotated[float, Range(0.99)]
+positive = partial(checks.setting, low=0.0, high=1e6, strict=True)
+not_negative = partial(checks.setting, low=0.0, high=1e6)
+share = partial(checks.setting, low=0.0, high=1.0, strict=True)
+share_or_none = partial(checks.setting, low=0.0, high=1.0)
+part = partial(checks.setting, low=0.0, high=0.99, strict=True)
 """A share that leaves something."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class WalkingParameters:
+class WalkingParameters(checks.Checked):
     """The tuned numbers of a walk: what each is [its unit; its source].
 
     Leg, rise, body: lengths of the leg, heights of the centre of mass and of the body. Sources are
@@ -202,156 +195,147 @@ class WalkingParameters:
     """
 
     # How the body is held, and where feet stand
-    hip_height: Share = 0.92
-    sole_hip_height: Part = 0.9
-    stretch: Share = 0.98
-    sole_stretch: Share = 0.965
-    narrow: Positive = 0.27
-    sole_narrow: Positive = 0.15
-    inner: ShareOrNone = 0.35
-    sway: Positive = 0.01
-    apart: Share = 0.4
-    clear: NotNegative = 0.01
+    hip_height: float = share(0.92)
+    sole_hip_height: float = part(0.9)
+    stretch: float = share(0.98)
+    sole_stretch: float = share(0.965)
+    narrow: float = positive(0.27)
+    sole_narrow: float = positive(0.15)
+    inner: float = share_or_none(0.35)
+    sway: float = positive(0.01)
+    apart: float = share(0.4)
+    clear: float = not_negative(0.01)
 
     # How long steps last, and how far they go
-    step: Positive = 0.82
-    sole_step: Positive = 1.7
-    fast_sole_step: Positive = 1.25
-    weak_step: Positive = 15.5
-    stride: Positive = 0.6
-    start: NotNegative = 1.6
-    double_support: Part = 0.05
-    slow_double_support: Part = 0.2
-    point_double_support: Part = 0.1
-    sole_double_support: Part = 0.15
-    max_haste: Positive = 2.0
-    max_sole_haste: Positive = 1.6
-    longest_wait: Share = 0.5
-    longest_terrain_wait: Share = 1.0
+    step: float = positive(0.82)
+    sole_step: float = positive(1.7)
+    fast_sole_step: float = positive(1.25)
+    weak_step: float = positive(15.5)
+    stride: float = positive(0.6)
+    start: float = not_negative(1.6)
+    double_support: float = part(0.05)
+    slow_double_support: float = part(0.2)
+    point_double_support: float = part(0.1)
+    sole_double_support: float = part(0.15)
+    max_haste: float = positive(2.0)
+    max_sole_haste: float = positive(1.6)
+    longest_wait: float = share(0.5)
+    longest_terrain_wait: float = share(1.0)
 
     # How fast the robot walks
-    trot_speed: Positive = 0.8
-    point_speed: Positive = 0.65
-    sole_speed: Positive = 0.26
-    rolling_speed: Positive = 0.33
-    sole_aside: Positive = 0.117
-    sole_shift: Positive = 0.012
-    acceleration: Positive = 1.0
-    turn_acceleration: Positive = 3.0
-    max_turn: Positive = 2.0
-    height_speed: Positive = 0.5
-    max_lower: Share = 0.2
-    max_higher: Share = 0.05
-    reach_used: Share = 0.75
-    knee_torque: Share = 0.62
-    max_push: Positive = 0.25
-    free_push: Positive = 0.22
-    swing_torque: Share = 0.85
-    lift_torque: Positive = 1.1
+    trot_speed: float = positive(0.8)
+    point_speed: float = positive(0.65)
+    sole_speed: float = positive(0.26)
+    rolling_speed: float = positive(0.33)
+    sole_aside: float = positive(0.117)
+    sole_shift: float = positive(0.012)
+    acceleration: float = positive(1.0)
+    turn_acceleration: float = positive(3.0)
+    max_turn: float = positive(2.0)
+    height_speed: float = positive(0.5)
+    max_lower: float = share(0.2)
+    max_higher: float = share(0.05)
+    reach_used: float = share(0.75)
+    knee_torque: float = share(0.62)
+    max_push: float = positive(0.25)
+    free_push: float = positive(0.22)
+    swing_torque: float = share(0.85)
+    lift_torque: float = positive(1.1)
 
     # Friction that the controller assumes, on soles
-    full_grip: Positive = 0.6
-    slowest: Positive = 0.07
-    firm: Positive = 0.2
-    slippery: Positive = 0.1
-    slippery_gap: Positive = 0.025
-    slippery_double_support: Part = 0.05
+    full_grip: float = positive(0.6)
+    slowest: float = positive(0.07)
+    firm: float = positive(0.2)
+    slippery: float = positive(0.1)
+    slippery_gap: float = positive(0.025)
+    slippery_double_support: float = part(0.05)
 
     # The path, and the way back to it
-    path_range: Positive = 0.25
-    heading_range: Positive = 0.3
-    path_return: NotNegative = 2.0
-    max_path_return: Positive = 0.05
+    path_range: float = positive(0.25)
+    heading_range: float = positive(0.3)
+    path_return: float = not_negative(2.0)
+    max_path_return: float = positive(0.05)
 
     # The acceleration of the body
-    velocity_gain: NotNegative = 1.1
-    place_gain: NotNegative = 0.7
-    cycle_gain: NotNegative = 1.0
-    height_gain: NotNegative = 60.0
-    height_damping: NotNegative = 15.0
-    max_demand: Positive = 3.0
-    sole_margin: Share = 0.3
-    least_sole_margin: ShareOrNone = 0.05
-    margin_gain: NotNegative = 2.0
-    beyond: ShareOrNone = 0.5
-    max_beyond: NotNegative = 0.5
-    stretch_ahead: NotNegative = 0.1
-    lowering_rate: NotNegative = 20.0
+    velocity_gain: float = not_negative(1.1)
+    place_gain: float = not_negative(0.7)
+    cycle_gain: float = not_negative(1.0)
+    height_gain: float = not_negative(60.0)
+    height_damping: float = not_negative(15.0)
+    max_demand: float = positive(3.0)
+    sole_margin: float = share(0.3)
+    least_sole_margin: float = share_or_none(0.05)
+    margin_gain: float = not_negative(2.0)
+    beyond: float = share_or_none(0.5)
+    max_beyond: float = not_negative(0.5)
+    stretch_ahead: float = not_negative(0.1)
+    lowering_rate: float = not_negative(20.0)
 
     # The load of the feet
-    load_filter: Share = 0.5
-    load_ramp: Share = 0.26
-    fast_load_ramp: Share = 0.4
-    first_load: Share = 0.07
-    last_load: Share = 0.01
-    least_load: Share = 0.05
-    upset: NotNegative = 2.0
+    load_filter: float = share(0.5)
+    load_ramp: float = share(0.26)
+    fast_load_ramp: float = share(0.4)
+    first_load: float = share(0.07)
+    last_load: float = share(0.01)
+    least_load: float = share(0.05)
+    upset: float = not_negative(2.0)
 
     # Steps: when feet have landed, and when the walk ends
-    earliest: Share = 0.6
-    touch_force: Share = 0.03
-    min_touch_force: Positive = 0.6
-    blocked: Positive = 0.005
-    resting_force: Share = 0.3
-    uneven: Positive = 0.03
-    sole_uneven: Positive = 0.01
-    averaged: Share = 0.05
-    settling: ShareOrNone = 0.1
-    pressed: Share = 0.7
-    rebound: NotNegative = 0.005
-    lean: Positive = 0.45
-    steepest: Positive = 0.5
-    missed: Positive = 0.01
-    outside: NotNegative = 0.02
-    at_rest: Positive = 0.03
-    in_place: Positive = 0.06
+    earliest: float = share(0.6)
+    touch_force: float = share(0.03)
+    min_touch_force: float = positive(0.6)
+    blocked: float = positive(0.005)
+    resting_force: float = share(0.3)
+    uneven: float = positive(0.03)
+    sole_uneven: float = positive(0.01)
+    averaged: float = share(0.05)
+    settling: float = share_or_none(0.1)
+    pressed: float = share(0.7)
+    rebound: float = not_negative(0.005)
+    lean: float = positive(0.45)
+    steepest: float = positive(0.5)
+    missed: float = positive(0.01)
+    outside: float = not_negative(0.02)
+    at_rest: float = positive(0.03)
+    in_place: float = positive(0.06)
 
     # Footholds
-    frozen: ShareOrNone = 0.25
-    early_frozen: ShareOrNone = 0.4
+    frozen: float = share_or_none(0.25)
+    early_frozen: float = share_or_none(0.4)
 
     # The way of a swing foot
-    clearance: Positive = 0.075
-    penetration_offset: NotNegative = 0.0015
-    settle: Part = 0.9
-    low: Positive = 0.02
-    aim: ShareOrNone = 0.2
-    upright_end: Part = 0.1
-    near: Part = 0.166
-    straight_near: Part = 0.185
-    stuck: Share = 0.03
-    out: Share = 0.12
-    creep: Positive = 0.14
-    descent: Positive = 0.3
-    deepest: Positive = 0.25
-    start_across: Part = 0.2
-    apex: Share = 0.4
-    sink: Share = 0.5
-    end_across: Share = 0.7
-    landed: Share = 0.9
-    least_phase: Share = 0.1
-    longest_way: Positive = 0.68
-    lift_acceleration: Positive = 80.0
+    clearance: float = positive(0.075)
+    penetration_offset: float = not_negative(0.0015)
+    settle: float = part(0.9)
+    low: float = positive(0.02)
+    aim: float = share_or_none(0.2)
+    upright_end: float = part(0.1)
+    near: float = part(0.166)
+    straight_near: float = part(0.185)
+    stuck: float = share(0.03)
+    out: float = share(0.12)
+    creep: float = positive(0.14)
+    descent: float = positive(0.3)
+    deepest: float = positive(0.25)
+    start_across: float = part(0.2)
+    apex: float = share(0.4)
+    sink: float = share(0.5)
+    end_across: float = share(0.7)
+    landed: float = share(0.9)
+    least_phase: float = share(0.1)
+    longest_way: float = positive(0.68)
+    lift_acceleration: float = positive(80.0)
 
     # How soles roll
-    roll: NotNegative = 0.9
-    flat_roll: NotNegative = 0.05
-    max_roll: NotNegative = 0.6
-    roll_begin: Part = 0.3
-    roll_end: Share = 0.6
+    roll: float = not_negative(0.9)
+    flat_roll: float = not_negative(0.05)
+    max_roll: float = not_negative(0.6)
+    roll_begin: float = part(0.3)
+    roll_end: float = share(0.6)
 
     def __post_init__(self) -> None:
-        for name, (high, zero) in DOMAINS.items():
-            value = checks.number(name, getattr(self, name), low=0.0, high=high, strict=not zero)
-            checks.keep(self, **{name: value})
+        super().__post_init__()
         checks.number("slippery", self.slippery, low=0.0, high=0.99 * self.firm)
-
-
-DOMAINS: dict[str, Range] = {
-    name: kind.__metadata__[0]
-    for name, kind in get_type_hints(WalkingParameters, include_extras=True).items()
-}
-"""What each may be."""
 
 
 class TunedRecord(RecordOf, WalkingParameters):

@@ -36,13 +36,7 @@ from harpy_pin.model.state import Vector
 LEAST, MOST = 1e-4, 0.9999  # impedances that MuJoCo takes
 SMALLEST = 1e-15  # square of a friction coefficient
 HALVINGS = 60
-
-
-def _read_positive(name: str, value: Any, length: int) -> tuple[float, ...]:
-    values = tuple(checks.vector(name, value, length).tolist())
-    if min(values) <= 0.0:
-        raise InputError(f"{name} must be positive, got {values}", name=name, value=values)
-    return values
+POSITIVE: dict[str, Any] = {"check": checks.fixed_vector, "low": 0.0, "strict": True}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -58,9 +52,9 @@ class SoftContact(checks.Checked):
         tolerance: of Newton's solver.
     """
 
-    solref: tuple[float, float] = checks.setting((0.02, 1.0), _read_positive, length=2)
+    solref: tuple[float, float] = checks.setting((0.02, 1.0), **POSITIVE, size=2)
     solimp: tuple[float, float, float, float, float] = checks.setting(
-        (0.9, 0.95, 0.001, 0.5, 2.0), _read_positive, length=5
+        (0.9, 0.95, 0.001, 0.5, 2.0), **POSITIVE, size=5
     )
     cone: Literal["pyramidal", "elliptic"] = checks.setting(
         "pyramidal", checks.one_of, valid=("pyramidal", "elliptic")

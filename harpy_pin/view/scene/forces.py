@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from harpy_pin.model.robot import Robot
-from harpy_pin.model.state import Vector
+from harpy_pin.model.state import GRAVITY, Vector
 from harpy_pin.view.palette import CONTACT, FLOOR, FRICTION, SLIDING, THRUST
 from harpy_pin.view.scene.frames import Contacts
 from harpy_pin.view.scene.nodes import (
@@ -244,7 +244,7 @@ class Scales:
     def of(cls, robot: Robot, height: float) -> Scales:
         """Half the robot's weight is about a third of its height."""
         height = float(np.clip(height, 0.1, 10.0))
-        share = robot.mass * 9.81 * min(2.0 / max(len(robot.feet), 1), 1.0)
+        share = robot.mass * GRAVITY * min(2.0 / max(len(robot.feet), 1), 1.0)
         return cls(height, nice_scale(1.25 * share / (0.65 * height)))
 
 
