@@ -157,7 +157,7 @@ SETTINGS = {
         "gait.speed": ZERO,
         "gait.stiffness": set(),
     },
-    **{"controller.mu": ZERO, "controller.weights.swing": ZERO, "controller.hold_ticks": ZERO},
+    **{"controller.mu": ZERO, "controller.weights.swing": ZERO, "controller.hold_ticks": {"0"}},
     **{"ground.mu_s": ZERO, "ground.stiffness": set(), "ground.slope": {*ZERO, "-1"}},
     **{"disturbances.noise": ZERO, "disturbances.delay": ZERO, "disturbances.mass_error": ZERO},
     **{
