@@ -11,7 +11,13 @@ from rich.table import Table
 
 from harpy_pin import __version__
 from harpy_pin.cli.output import console, say_next
-from harpy_pin.cli.walk_options import ROBOTS, FeetOption, LoopsOption, read_robot_options
+from harpy_pin.cli.walk_options import (
+    ROBOTS,
+    FeetOption,
+    LoopsOption,
+    PostureOption,
+    read_robot_options,
+)
 from harpy_pin.errors import install_line
 
 
@@ -19,12 +25,13 @@ def info(
     named: Annotated[str, typer.Option("--robot", help=ROBOTS)] = "harpy",
     feet: FeetOption = None,
     loops: LoopsOption = None,
+    posture: PostureOption = None,
 ) -> None:
     """Print a robot's numbers, versions, and where examples are."""
     from harpy_pin.log.run import describe_versions
     from harpy_pin.model.source import loaded_robot
 
-    robot = loaded_robot(read_robot_options(named, feet, None, loops=loops))
+    robot = loaded_robot(read_robot_options(named, feet, posture, loops=loops))
     table = Table(
         *("joint", "lower rad", "upper rad", "torque N·m", "armature kg·m²"),
         title=f"{robot.name}: {robot.mass:.3f} kg, nq {robot.nq}, nv {robot.nv}",
@@ -33,6 +40,9 @@ def info(
     if robot.thrusters:
         limit = f"{robot.thrust_limit:g} N each" if np.isfinite(robot.thrust_limit) else "no limit"
         table.caption = f"{table.caption}\nthrusters {', '.join(robot.thrusters)}, {limit}"
+    if robot.loops is not None:
+        passive = ", ".join(robot.model.names[joint] for joint in robot.loops.passive)
+        table.caption = f"{table.caption}\n{len(robot.loops.ties)} closed loops move {passive}"
     rows = zip(
         robot.joints,
         robot.joint_lower,
