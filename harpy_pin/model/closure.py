@@ -22,7 +22,6 @@ import pinocchio as pin
 from harpy_pin.errors import InputError
 from harpy_pin.kernels import ByPrecision, diagonal, kernel
 from harpy_pin.model.cholesky import (
-    add_gram,
     add_product,
     factorise,
     solve_factor,
@@ -93,9 +92,8 @@ def _search(t: TreeRecord) -> int:
         for m in range(c.moved.shape[0]):
             place_body(t, c.q, c.moved[m])
         _equations(t)
-        c.normal[:] = 0.0
-        c.step[:] = 0.0
-        add_gram(c.slope[:, driven:], c.residual, c.normal, c.step)
+        c.normal[:] = c.slope[:, driven:].T @ c.slope[:, driven:]
+        c.step[:] = c.slope[:, driven:].T @ c.residual
         factorise(c.normal, c.normal, MIN_PIVOT)
         solve_vector(c.normal, c.step)
         if np.max(abs(c.step)) < LAST_STEP:
