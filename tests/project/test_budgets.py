@@ -17,11 +17,11 @@ import harpy_pin
 ROOT = Path(__file__).resolve().parents[2]
 CONTRIB = "harpy_pin/contrib/"
 STATEMENTS = {
-    "harpy_pin": 26_310,
-    CONTRIB: 5_320,
-    "reproduction": 2_010,
-    "comparison": 7_210,
-    "tests": 28_980,
+    "harpy_pin": 26_240,
+    CONTRIB: 5_285,
+    "reproduction": 1_990,
+    "comparison": 7_200,
+    "tests": 29_040,
 }
 """Most statements of the Python files that Git tracks in a folder; ``harpy_pin`` is without
 contrib.
