@@ -111,13 +111,15 @@ class CondensedController(TaskController):
         self._step = tick_of((take_sample,), stages, self._closing())
 
     def _tell(self, status: int, state: State) -> None:
-        """See :meth:`GaitController._tell`: also of a task whose reference is not finite."""
+        """See :meth:`GaitController._tell`: also of a task whose reference or weight is not
+        finite.
+        """
         super()._tell(status, state)
-        for task in self.added:
-            given = (getattr(task, name, None) for name in REFERENCES)
+        for task, weight in self.added.items():
+            given = (weight, *(getattr(task, name, None) for name in REFERENCES))
             if not all(np.isfinite(one).all() for one in given if one is not None):
                 kind = type(task).__name__
-                warnings.warn(f"a reference of a {kind} is not finite", stacklevel=3)
+                warnings.warn(f"a reference or weight of a {kind} is not finite", stacklevel=3)
 
     def reset(self) -> None:
         """Forget the last command, the active sets and the estimates."""
