@@ -53,8 +53,12 @@ def stopping(command: Callable[..., None]) -> Callable[..., None]:
                     signals.over()
                     if (kernels := _kernels()) is not None:
                         kernels.end_all()
-        except KeyboardInterrupt as interrupt:
-            own = not isinstance(interrupt, Interrupted) and str(interrupt)
+        except (KeyboardInterrupt, RuntimeError) as interrupt:
+            # Python 3.11 wraps what a signal raises while a class of an import is made.
+            cause = interrupt.__cause__ if isinstance(interrupt, RuntimeError) else interrupt
+            if not isinstance(cause, KeyboardInterrupt):
+                raise
+            own = not isinstance(cause, Interrupted) and str(cause)
             say(own or "interrupted; nothing more was written")
             # A signal may have waited until results were kept.
             code = 128 + Shield.waited[-1] if Shield.waited else INTERRUPTED

@@ -188,6 +188,29 @@ def test_a_signal_that_waited_decides_the_exit_code(number: int, code: int) -> N
     assert caught.value.exit_code == code
 
 
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+def test_a_signal_while_a_class_is_made(number: int, code: int, capsys) -> None:
+    class Signals:
+        def __set_name__(self, owner: type, name: str) -> None:
+            signal.raise_signal(number)
+
+    def command() -> None:
+        type("Made", (), {"member": Signals()})
+
+    with pytest.raises(typer.Exit) as caught:
+        stopping(command)()
+    assert caught.value.exit_code == code
+    assert capsys.readouterr().err == "harpy: interrupted; nothing more was written\n"
+
+
+def test_errors_of_other_kinds_stay() -> None:
+    def command() -> None:
+        raise RuntimeError("no signal")
+
+    with pytest.raises(RuntimeError, match="no signal"):
+        stopping(command)()
+
+
 @pytest.mark.parametrize("moment", [0.02, 0.1, 0.3])
 def test_a_signal_while_compiling_leaves_no_folder(
     moment: float, log: Path, tmp_path: Path
