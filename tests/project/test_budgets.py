@@ -21,7 +21,7 @@ STATEMENTS = {
     CONTRIB: 5_285,
     "reproduction": 1_990,
     "comparison": 7_200,
-    "tests": 29_040,
+    "tests": 29_060,
 }
 """Most statements of the Python files that Git tracks in a folder; ``harpy_pin`` is without
 contrib.
