@@ -69,6 +69,6 @@ def pareto_figure(table: Table) -> Figure:
         axis.set_minor_formatter(NullFormatter())
     axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
     axes.set_xlabel("time per complete tick, µs: median, line to the 99th percentile")
-    axes.set_ylabel("slip per step, mm: median over the campaign, 95 % interval")
+    axes.set_ylabel("slip, mm per step: median, 95 % interval")
     figure.legend(loc="outside right upper", frameon=False)
     return figure

@@ -58,6 +58,7 @@ class VelocityRecord(RecordOf):
     rate: Vector = sized(3)  # of the first three, m/s² and rad/s²
     path: Vector = sized(3)  # x, y (m) and heading (rad) of the place that the walk goes about
     switch: float = inf  # when the next row of the script begins, s
+    scripted: int = 0  # whether there is one
     refused: float = 0.0  # updates with a command that was not all numbers
 
 
@@ -117,6 +118,7 @@ class FollowsVelocity(Gait):
         self._switch: Vector = record["switch"]
         self._given: Vector = field(record, "command")
         self._given[:], self.script, self._function = read_velocity(velocity, len(self._given))
+        record["scripted"] = bool(self.script)
         self.command = self._given if self._function is None else read_only(self._given)
         self.applied = read_only(field(self._followed, "velocity"))
         for command in (self._given, *(command for _, command in self.script)):

@@ -415,3 +415,12 @@ def test_a_script_begins_anew_with_the_clock_under_a_controller(solo12):
         state.t = 1e-3 * tick
         controller.step(state)
         assert gait.command[0] == (0.3 if tick < 50 else 0.0)
+
+
+@needs_robots
+def test_only_a_script_has_to_begin_anew_in_python(solo12):
+    for velocity, alone in (((0.3, 0.0, 0.0), True), ([(0.0, 0.3, 0.0, 0.0)], False)):
+        gait = hp.WalkingGait(solo12, velocity=velocity)
+        gait.observe(made_state(gait, force=6.0))
+        gait.update(0.0)
+        assert gait._advance(0.0, gait._record_, gait.target._record_) is alone

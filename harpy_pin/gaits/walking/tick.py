@@ -22,14 +22,16 @@ LONGEST_GAP = 0.05
 def advance(t: float, p: WalkingRecord, target: GaitTargetRecord) -> bool:
     """All targets at the time t, from the state that was measured last.
 
-    A time that is less than a step before the last counts as the last. Returns False, with nothing
-    done, where t is no time, the next row of the script begins before it, or it begins the walk
-    anew (time zero, or more than a step before the last) and the script is not yet at its begin.
+    Time zero, or one that is more than a step before the last, begins the walk anew; one that is
+    less before it counts as the last. Returns False, with nothing done, where t is no time, the
+    next row of the script begins before it, or a script has to begin anew, too.
     """
-    anew = p.time >= 0.0 and (t <= 0.0 or t < p.time - p.pace.usual_step)
-    if anew or not (abs(t) < LONGEST and t < p.planned.switch):
+    begun = p.time >= 0.0
+    anew = not begun or t <= 0.0 or t < p.time - p.pace.usual_step
+    script_behind = anew and begun and p.planned.scripted != 0
+    if script_behind or not (abs(t) < LONGEST and t < p.planned.switch):
         return False
-    if p.time < 0.0:
+    if anew:
         begin_walk(p, t)
     span = t - p.time
     p.time = max(t, p.time)
