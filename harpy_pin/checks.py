@@ -81,7 +81,8 @@ class Checked:
     """What stands in front of the names of the fields in messages."""
 
     def __post_init__(self) -> None:
-        for name, called, check, default in _rules(type(self)):  # type: ignore[arg-type]
+        kind: Any = type(self)
+        for name, called, check, default in _rules(kind):
             value = getattr(self, name)
             if value is not default:
                 object.__setattr__(self, name, check(called, value))
@@ -228,7 +229,7 @@ def record(name: str, value: Any, kind: type[_Kind]) -> _Kind:
             value=value,
         )
     for key in value:
-        one_of(f"entry of the {name}", key, [entry.name for entry in fields(kind)])  # type: ignore[arg-type]
+        one_of(f"entry of the {name}", key, inspect.signature(kind).parameters)
     try:
         return kind(**value)
     except TypeError as error:
